@@ -1,0 +1,15 @@
+"""Physical constants: value, unit, source. One place, so that a number is never typed twice."""
+
+from typing import Final
+
+# Earth, as used with EGM96 (Lemoine et al. 1998, NASA/TP-1998-206861)
+GM_EARTH: Final = 3.986004415e14
+"""Geocentric gravitational constant of EGM96 and JGM-3 [m^3 s^-2]."""
+R_EARTH: Final = 6378136.3
+"""Reference radius of EGM96 and JGM-3 [m]."""
+A_EARTH: Final = 6378137.0
+"""Semi-major axis of the GRS80 and WGS84 ellipsoids [m]; heights above it are for orientation only."""
+OMEGA_EARTH: Final = 7.292115e-5
+"""Mean angular velocity of the Earth's rotation [rad s^-1] (GRS80, Moritz 2000)."""
+R_MEAN_EARTH: Final = 6371000.0
+"""Mean radius of the Earth used for Gaussian smoothing radii [m] (Wahr, Molenaar & Bryan 1998)."""
