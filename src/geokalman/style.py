@@ -1,0 +1,108 @@
+"""One figure style for the whole book: the same colour and marker for the same method everywhere, light and dark.
+
+Colours are from Okabe & Ito's palette, safe for colour-blind readers; a few are lightened for dark pages. Line style and
+marker differ as well, so that a figure survives a grey print. Imports matplotlib only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+import matplotlib as mpl
+import matplotlib.pyplot as plt
+
+
+class Method(NamedTuple):
+    """How one method is drawn everywhere: its colour in each theme, line style, marker and label."""
+
+    light: str
+    dark: str
+    line: str
+    marker: str
+    label: str
+
+    @property
+    def colour(self) -> str:
+        """The colour of the theme in force."""
+        return self.dark if _theme == "dark" else self.light
+
+
+METHODS: dict[str, Method] = {
+    "truth": Method("#000000", "#f2f2f2", "-", "", "truth"),
+    "newton": Method("#b34700", "#ff9b52", "--", "s", "Newton"),
+    "ekf": Method("#0072b2", "#62b8ee", "-.", "^", "EKF"),
+    "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
+    "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
+    "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
+}
+
+_COMMON = {
+    "figure.figsize": (7.2, 4.0),
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 180,
+    "font.size": 10,
+    "font.family": "DejaVu Sans",
+    "axes.titlesize": 10,
+    "axes.labelsize": 10,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.use_mathtext": True,
+    "grid.linewidth": 0.5,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 4,
+    "image.cmap": "cividis",
+    "svg.hashsalt": "geokalman",  # the same figure gives the same bytes
+}
+_THEMES = {
+    "light": {"ink": "#1a1a1a", "paper": "#ffffff", "grid": "#d9d9d9"},
+    "dark": {"ink": "#e6e6e6", "paper": "#14181e", "grid": "#3a414b"},
+}
+_theme = "light"
+
+DIVERGING = "RdBu_r"
+"""Colour map for signed maps; white (or the page's dark) is zero, and it is safe for colour-blind readers."""
+SEQUENTIAL = "cividis"
+"""Colour map for magnitudes."""
+
+
+@contextmanager
+def theme(name: str = "light") -> Iterator[dict[str, str]]:
+    """Draw in the theme `light` or `dark`; yields its ink, paper and grid colours. Raises ValueError for another name."""
+    global _theme
+    if name not in _THEMES:
+        raise ValueError(f"theme {name!r} is unknown; the themes are {', '.join(_THEMES)}.")
+    colours, before = _THEMES[name], _theme
+    ink, paper, grid = colours["ink"], colours["paper"], colours["grid"]
+    rc = _COMMON | {
+        "figure.facecolor": paper, "axes.facecolor": paper, "savefig.facecolor": paper,
+        "text.color": ink, "axes.labelcolor": ink, "axes.edgecolor": ink, "axes.titlecolor": ink,
+        "xtick.color": ink, "ytick.color": ink, "grid.color": grid,
+    }  # fmt: skip
+    _theme = name
+    try:
+        with mpl.rc_context(rc):
+            yield colours
+    finally:
+        _theme = before
+
+
+def ink() -> str:
+    """The text colour of the theme in force."""
+    return _THEMES[_theme]["ink"]
+
+
+def paper() -> str:
+    """The background colour of the theme in force."""
+    return _THEMES[_theme]["paper"]
+
+
+def close(figure: mpl.figure.Figure) -> None:
+    """Release a figure; a book draws hundreds."""
+    plt.close(figure)
