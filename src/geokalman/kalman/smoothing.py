@@ -1,0 +1,123 @@
+"""Fixed-interval smoothing: Rauch-Tung-Striebel, and two filters in information form; both give the same posterior."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
+
+
+@njit(cache=True)
+def rts_mean_step(
+    x: np.ndarray,
+    P: np.ndarray,
+    x_predicted: np.ndarray,
+    P_predicted: np.ndarray,
+    Phi: np.ndarray,
+    x_next: np.ndarray,
+    x_out: np.ndarray,
+) -> int:
+    """One backward step of the RTS smoother, mean only:  x_out = x + P Phi' P_predicted^-1 (x_next - x_predicted).
+
+    x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi; x_next : smoothed
+    there; vectors (n,), matrices (n, n). x_out may be x.
+    Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
+    """
+    n = x.shape[0]
+    U = np.empty((n, n))
+    status = cholesky_upper(P_predicted, U)
+    if status != 0:
+        return status
+    b = np.empty((n, 1))
+    for j in range(n):
+        b[j, 0] = x_next[j] - x_predicted[j]
+    solve_lower(U, b)
+    solve_upper(U, b)
+    back = np.zeros(n)
+    for i in range(n):
+        for j in range(n):
+            back[j] += Phi[i, j] * b[i, 0]
+    for j in range(n):
+        x_out[j] = x[j]
+    for i in range(n):
+        for j in range(n):
+            x_out[j] += P[i, j] * back[i]
+    return 0
+
+
+@njit(cache=True)
+def rts_step(
+    x: np.ndarray,
+    P: np.ndarray,
+    x_predicted: np.ndarray,
+    P_predicted: np.ndarray,
+    Phi: np.ndarray,
+    Q: np.ndarray,
+    x_next: np.ndarray,
+    P_next: np.ndarray,
+    x_out: np.ndarray,
+    P_out: np.ndarray,
+) -> int:
+    """One backward step of the RTS smoother; its covariance is a sum of squares, so it stays symmetric and positive.
+
+    C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
+    P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
+    x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi, Q; x_next, P_next :
+    smoothed there; vectors (n,), matrices (n, n). The outputs must not overlap P, Phi, Q, P_next; x_out may be x.
+    Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
+    """
+    n = x.shape[0]
+    U = np.empty((n, n))
+    status = cholesky_upper(P_predicted, U)
+    if status != 0:
+        return status
+    C = np.zeros((n, n))  # C' = P_predicted^-1 Phi P
+    for i in range(n):
+        for k in range(n):
+            phi = Phi[i, k]
+            if phi != 0.0:
+                for j in range(n):
+                    C[i, j] += phi * P[k, j]
+    solve_lower(U, C)
+    solve_upper(U, C)
+    for j in range(n):
+        x_out[j] = x[j]
+    for i in range(n):
+        step = x_next[i] - x_predicted[i]
+        for j in range(n):
+            x_out[j] += C[i, j] * step
+    A = np.zeros((n, n))  # (I - C Phi)'
+    for i in range(n):
+        A[i, i] = 1.0
+        for k in range(n):
+            phi = Phi[k, i]
+            if phi != 0.0:
+                for j in range(n):
+                    A[i, j] -= phi * C[k, j]
+    for i in range(n):
+        for j in range(n):
+            P_out[i, j] = 0.0
+            U[i, j] = Q[i, j] + P_next[i, j]
+    _add_congruence(P, A, P_out)
+    _add_congruence(U, C, P_out)
+    for i in range(n):
+        for j in range(i):
+            P_out[i, j] = P_out[j, i]
+    return 0
+
+
+@njit(cache=True)
+def _add_congruence(M: np.ndarray, B: np.ndarray, out: np.ndarray) -> None:
+    """Add B' M B to the upper triangle of out; all (n, n), M symmetric."""
+    n = M.shape[0]
+    row = np.empty(n)
+    for i in range(n):
+        for j in range(n):
+            row[j] = 0.0
+        for k in range(n):
+            for j in range(n):
+                row[j] += M[i, k] * B[k, j]
+        for k in range(n):
+            for j in range(k, n):
+                out[k, j] += B[i, k] * row[j]

@@ -1,0 +1,171 @@
+"""The scaled unscented Kalman filter: sigma points, transform, update; written in differences so that nothing cancels.
+
+With n + lambda = alpha^2 (n + kappa) = c^2 the textbook weights are Wm0 = lambda / c^2, Wc0 = Wm0 + 1 - alpha^2 + beta and
+Wi = 1 / (2 c^2). They add up to one, so with d_i = (gamma_i+ - gamma_i-) / (2 c) and s_i = (gamma_i+ - 2 gamma_0 + gamma_i-) / (2 c)
+the weighted sums are, exactly,
+
+    mean  = gamma_0 + mu,   mu = sum_i s_i / c,
+    cov   = noise + sum_i (d_i d_i' + s_i s_i') + (beta - alpha^2) mu mu',
+    cross = sum_i p_i d_i'  with p_i the i-th column of the root of P.
+
+No large weights of opposite sign remain, whatever alpha; and for beta >= 0, kappa >= 0 the part that does not come from d
+is at least `noise`, so that the update below leaves a positive definite covariance by construction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
+from geokalman.kalman.linear import whiten
+
+
+@njit(cache=True)
+def sigma_points_step(x: np.ndarray, P: np.ndarray, c: float, chi: np.ndarray, U: np.ndarray) -> int:
+    """Draw the 2 n + 1 sigma points of N(x, P): chi_0 = x, chi_(2i-1) = x - c p_i, chi_(2i) = x + c p_i, i = 1..n.
+
+    x : (n,); P : (n, n); c = sqrt(n + lambda) from `spread`; outputs chi : (2 n + 1, n) and U : (n, n) upper triangular
+    with P = U' U, whose row i - 1 is p_i.
+    Returns 0, or k >= 1 when P is not positive definite in row k - 1.
+    """
+    n = x.shape[0]
+    status = cholesky_upper(P, U)
+    if status != 0:
+        return status
+    for j in range(n):
+        chi[0, j] = x[j]
+    for i in range(n):
+        for j in range(n):
+            plus = x[j] + c * U[i, j]
+            chi[2 * i + 2, j] = plus
+            chi[2 * i + 1, j] = x[j] - (plus - x[j])  # a pair symmetric to the last bit: linear parts leave no second difference
+    return 0
+
+
+@njit(cache=True)
+def transform_step(
+    gamma: np.ndarray,
+    noise: np.ndarray,
+    c: float,
+    w: float,
+    mean: np.ndarray,
+    D: np.ndarray,
+    remainder: np.ndarray,
+    cov: np.ndarray,
+) -> None:
+    """Mean and covariance of y = h(x) + v, v ~ N(0, noise), from the transformed sigma points (module docstring).
+
+    gamma : (2 n + 1, m) images of the sigma points, in their order; noise : (m, m); c, w from `spread`.
+    Outputs mean : (m,); D : (n, m) rows d_i; remainder : (m, m) = cov - D' D; cov : (m, m).
+    """
+    n, m = D.shape
+    for a in range(m):
+        mean[a] = 0.0
+        for b in range(m):
+            remainder[a, b] = 0.5 * (noise[a, b] + noise[b, a])
+            cov[a, b] = 0.0
+    s = np.empty(m)
+    half = 0.5 / c
+    for i in range(n):
+        for a in range(m):
+            up = gamma[2 * i + 2, a] - gamma[0, a]
+            down = gamma[2 * i + 1, a] - gamma[0, a]
+            D[i, a] = half * (up - down)
+            s[a] = half * (up + down)
+            mean[a] += s[a]
+        for a in range(m):
+            for b in range(m):
+                remainder[a, b] += s[a] * s[b]
+                cov[a, b] += D[i, a] * D[i, b]
+    for a in range(m):
+        mean[a] /= c
+    for a in range(m):
+        for b in range(m):
+            remainder[a, b] += w * mean[a] * mean[b]
+            cov[a, b] += remainder[a, b]
+    for a in range(m):
+        mean[a] += gamma[0, a]
+
+
+@njit(cache=True)
+def unscented_update_step(
+    x: np.ndarray,
+    P: np.ndarray,
+    U: np.ndarray,
+    gamma: np.ndarray,
+    z: np.ndarray,
+    R: np.ndarray,
+    c: float,
+    w: float,
+    S: np.ndarray,
+    whitened: np.ndarray,
+) -> int:
+    """Condition N(x, P) on z = h(x) + v, v ~ N(0, R), given gamma = h(chi), in place.
+
+    K = cross S^-1,  x += K (z - mean),  P - K S K' evaluated as (L - K D')(L - K D')' + K (S - D' D) K' with L = U',
+    a sum of squares: symmetric and positive definite without help.
+    x : (n,); P, U : (n, n), chi and U from `sigma_points_step`; gamma : (2 n + 1, m); z : (m,); R : (m, m); c, w from
+    `spread`; outputs S : (m, m) and whitened : (m,) innovation.
+    Returns 0, or k >= 1 when S is not positive definite in row k - 1 (x and P are then unchanged).
+    """
+    n = x.shape[0]
+    m = z.shape[0]
+    mean = np.empty(m)
+    D = np.empty((n, m))
+    remainder = np.empty((m, m))
+    transform_step(gamma, R, c, w, mean, D, remainder, S)
+    root = np.empty((m, m))
+    status = cholesky_upper(S, root)
+    if status != 0:
+        return status
+    K = np.zeros((m, n))  # K'
+    for i in range(n):
+        for a in range(m):
+            for j in range(i, n):
+                K[a, j] += D[i, a] * U[i, j]
+    solve_lower(root, K)
+    solve_upper(root, K)
+    residual = mean
+    for a in range(m):
+        residual[a] = z[a] - mean[a]
+        for j in range(n):
+            x[j] += K[a, j] * residual[a]
+    whiten(root, residual, whitened)
+    row = np.empty(n)
+    for i in range(n):
+        for j in range(n):
+            P[i, j] = 0.0
+    for i in range(n):
+        for j in range(n):
+            row[j] = U[i, j]
+        for a in range(m):
+            for j in range(n):
+                row[j] -= D[i, a] * K[a, j]
+        for k in range(n):
+            for j in range(k, n):
+                P[k, j] += row[k] * row[j]
+    for a in range(m):
+        for j in range(n):
+            row[j] = 0.0
+        for b in range(m):
+            for j in range(n):
+                row[j] += remainder[a, b] * K[b, j]
+        for k in range(n):
+            for j in range(k, n):
+                P[k, j] += K[a, k] * row[j]
+    for i in range(n):
+        for j in range(i):
+            P[i, j] = P[j, i]
+    return 0
+
+
+def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, float]:
+    """Scaling of the sigma points:  c = sqrt(n + lambda) = alpha sqrt(n + kappa)  and  w = beta - alpha^2.
+
+    n : number of states; alpha > 0, beta, kappa > -n : the parameters of the scaled transform (Julier 2002).
+    Raises ValueError where n + lambda is not positive.
+    """
+    if not (alpha > 0.0 and n + kappa > 0.0):
+        raise ValueError(f"alpha = {alpha} and kappa = {kappa} with n = {n} give no sigma points: alpha and n + kappa must be positive")
+    return alpha * float(np.sqrt(n + kappa)), beta - alpha**2
