@@ -76,3 +76,16 @@ def data_path(name: str, root: Path | None = None) -> Path:
             f"restore it with: git checkout -- data/{name} (it is made by {entries[name].get('script', 'no script')})."
         )
     return path
+
+
+def natural_earth_dir(root: Path | None = None) -> Path:
+    """Folder with the vendored Natural Earth shapefiles, all checksums verified.
+
+    For maps that need no network: ``cartopy.config["pre_existing_data_dir"] = natural_earth_dir()``. Raises as
+    `data_path` does.
+    """
+    root = root or project_root()
+    for name in registry(root):
+        if name.startswith("natural_earth/"):
+            data_path(name, root)
+    return root / "data" / "natural_earth"

@@ -1,0 +1,140 @@
+"""A gravity field in fully normalised spherical harmonics: the coefficients and what they mean."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+TIDE_SYSTEMS = ("tide_free", "zero_tide", "mean_tide", "unknown")
+
+
+@dataclass(frozen=True, eq=False)
+class GravityField:
+    """Exterior gravity potential of a body in fully normalised (4 pi) spherical harmonics.
+
+    V(r, phi, lambda) = GM/r sum_n (R/r)^n sum_m (C_nm cos m lambda + S_nm sin m lambda) P_nm(sin phi)
+
+    Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass stands in GM) and degree 1 is zero (the
+    origin is the centre of mass). A field that says otherwise is refused.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    gm : float
+        Gravitational constant times mass [m^3 s^-2].
+    radius : float
+        Reference radius of the coefficients [m].
+    C, S : (N+1, N+1) float64
+        Coefficients ``C[n, m]``, ``S[n, m]``; zero for m > n, ``S[n, 0] = 0``. Kept read-only and C-contiguous.
+    tide_system : str
+        One of ``tide_free``, ``zero_tide``, ``mean_tide``, ``unknown``.
+    sigma_C, sigma_S : (N+1, N+1) float64, optional
+        Standard deviations of the coefficients.
+
+    Raises
+    ------
+    ValueError
+        Naming the entry that is not finite, out of place, of the wrong shape, or against the rule for degrees 0 and 1.
+    """
+
+    name: str
+    gm: float
+    radius: float
+    C: Array = field(repr=False)
+    S: Array = field(repr=False)
+    tide_system: str = "unknown"
+    sigma_C: Array | None = field(default=None, repr=False)
+    sigma_S: Array | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        for key in ("gm", "radius"):
+            value = float(getattr(self, key))
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{self.name}: {key} = {value} must be positive and finite.")
+            object.__setattr__(self, key, value)
+        if self.tide_system not in TIDE_SYSTEMS:
+            raise ValueError(f"{self.name}: tide_system '{self.tide_system}' is none of {', '.join(TIDE_SYSTEMS)}.")
+        if (self.sigma_C is None) != (self.sigma_S is None):
+            raise ValueError(f"{self.name}: sigma_C and sigma_S are given both or not at all.")
+        for key in ("C", "S", "sigma_C", "sigma_S"):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, _triangle(getattr(self, key), f"{self.name}: {key}"))
+        shape = self.C.shape
+        for key in ("S", "sigma_C", "sigma_S"):
+            if getattr(self, key) is not None and getattr(self, key).shape != shape:
+                raise ValueError(f"{self.name}: {key} has shape {getattr(self, key).shape}, C has {shape}.")
+        if np.any(self.S[:, 0]):
+            raise ValueError(f"{self.name}: S[n, 0] must be zero, S[{np.flatnonzero(self.S[:, 0])[0]}, 0] is not.")
+        if self.C[0, 0] != 1.0:
+            raise ValueError(f"{self.name}: C[0, 0] = {self.C[0, 0]} must be 1: the mass of the body stands in GM.")
+        if self.C[1, 0] or self.C[1, 1] or self.S[1, 1]:
+            raise ValueError(
+                f"{self.name}: degree 1 (C10 = {self.C[1, 0]}, C11 = {self.C[1, 1]}, S11 = {self.S[1, 1]}) must be "
+                "zero: the origin of the coordinates is the centre of mass."
+            )
+
+    @property
+    def n_max(self) -> int:
+        """Highest degree and order."""
+        return self.C.shape[0] - 1
+
+    def truncate(self, n: int) -> GravityField:
+        """The field to degree and order `n`; raises ValueError unless 2 <= n <= n_max."""
+        if not 2 <= n <= self.n_max:
+            raise ValueError(f"n_max = {n} is out of range: {self.name} has degrees 2 to {self.n_max}.")
+        if n == self.n_max:
+            return self
+        parts = {k: getattr(self, k) for k in ("C", "S", "sigma_C", "sigma_S")}
+        return replace(self, **{k: v if v is None else v[: n + 1, : n + 1] for k, v in parts.items()})
+
+    def with_coefficients(self, C: Array, S: Array, name: str) -> GravityField:
+        """A field of this one's GM, radius and tide system with other coefficients (N+1, N+1), e.g. recovered ones."""
+        return replace(self, name=name, C=C, S=S, sigma_C=None, sigma_S=None)
+
+    def rescaled(self, gm: float, radius: float) -> GravityField:
+        """The same potential, degrees 2 and up, referred to another GM [m^3 s^-2] and radius [m].
+
+        C'_nm = C_nm (GM/GM') (R/R')^n for n >= 2; degrees 0 and 1 keep the package's rule, so that fields of
+        different constants can be subtracted coefficient by coefficient.
+        """
+        factor = (self.gm / gm) * (self.radius / radius) ** np.arange(self.n_max + 1.0)
+        factor[:2] = 1.0
+        parts = {k: getattr(self, k) for k in ("C", "S", "sigma_C", "sigma_S")}
+        scaled = {k: v if v is None else v * factor[:, None] for k, v in parts.items()}
+        return replace(self, gm=gm, radius=radius, **scaled)
+
+    def digest(self) -> str:
+        """SHA-256 (hex) of everything in the field: equal fields have equal digests, in any process."""
+        head = f"{self.name}\0{self.gm!r}\0{self.radius!r}\0{self.tide_system}\0{self.n_max}\0{self.sigma_C is None}"
+        digest = hashlib.sha256(head.encode())
+        for key in ("C", "S", "sigma_C", "sigma_S"):
+            if getattr(self, key) is not None:
+                digest.update((getattr(self, key) + 0.0).tobytes())  # + 0.0: the two zeros are equal
+        return digest.hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, GravityField) and self.digest() == other.digest()
+
+    def __hash__(self) -> int:
+        return int(self.digest()[:15], 16)
+
+    def __reduce__(self) -> tuple:  # through __init__, so that the arrays of a copy are read-only too
+        keys = ("name", "gm", "radius", "C", "S", "tide_system", "sigma_C", "sigma_S")
+        return GravityField, tuple(getattr(self, key) for key in keys)
+
+
+def _triangle(values: Array, where: str) -> Array:
+    array = np.array(values, dtype=np.float64, order="C")  # own copy: nobody else can write into a frozen field
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] < 3:
+        raise ValueError(f"{where} has shape {array.shape}; it must be (N+1, N+1) with N >= 2.")
+    for bad, word in ((~np.isfinite(array), "is not finite"), (np.triu(array, 1) != 0, "must be zero: m exceeds n")):
+        if bad.any():
+            n, m = np.argwhere(bad)[0]
+            raise ValueError(f"{where}[{n}, {m}] = {array[n, m]} {word}.")
+    array.flags.writeable = False
+    return array
