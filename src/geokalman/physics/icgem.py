@@ -80,7 +80,8 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     `epoch` they are C(t) = C(t0) + trnd dt + sum_k [acos_k cos(2 pi dt / T_k) + asin_k sin(2 pi dt / T_k)], dt and T_k
     in years of 365.25 d. A coefficient with several intervals (icgem2.0) needs `epoch`. Absent C_00 is 1, absent
     degree 1 is zero; every other coefficient up to `max_degree` must be there. Unnormalised coefficients are
-    normalised (up to degree 150). Of calibrated and formal errors the calibrated ones are kept.
+    normalised (up to degree 150). Of calibrated and formal errors the calibrated ones are kept. S_n0, which multiplies
+    sin 0, is read as zero.
 
     Parameters
     ----------
@@ -135,6 +136,7 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
             sigma[:, n, m] = errors[:2]
     _require_complete(path, head.n_max, seen)
     C[0, 0] = C[0, 0] if (0, 0) in seen else 1.0
+    S[:, 0] = 0.0  # it multiplies sin 0; some files carry rounding there
     if head.unnormalised:
         factor = _normalisation(path, head.n_max)
         C, S, sigma = C / factor, S / factor, sigma / factor
