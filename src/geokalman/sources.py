@@ -79,6 +79,16 @@ def code_hash(modules: set[str]) -> str:
     return digest.hexdigest()
 
 
+def edited(modules: set[str]) -> set[str]:
+    """Those of the modules behind `modules` whose file is no longer what this process read: its hash would be a lie."""
+    changed = set()
+    for name in closure(modules):
+        path = module_path(name)
+        if path is None or path.read_text(encoding="utf-8") != _read(path):
+            changed.add(name)
+    return changed
+
+
 def _compiled_modules() -> set[str]:
     names = set()
     for path in PACKAGE_DIR.rglob("*.py"):

@@ -1,0 +1,183 @@
+"""Run one notebook: MyST Markdown through papermill, with checked parameters, into a run folder that appears whole."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geokalman.reproduce import atomic, notebooks, parameters
+from geokalman.reproduce.errors import Fault, Misuse
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
+
+RUN_FILES = ("notebook.ipynb", "metrics.json", "arrays.npz", "provenance.json")
+"""What every run folder holds; `figures/` and `tables/` stand beside where the notebook shows some."""
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_ANSI = re.compile(r"\x1b\[[0-9;]*m")
+Progress = Callable[[int, int], None]
+"""Called with (cell now running, number of code cells)."""
+
+
+class ExecutionFailed(Fault):
+    """A notebook raised an error; `notebook` and `kept` (the failed copy) say which and where."""
+
+    def __init__(self, message: str, notebook: str, kept: Path | None = None) -> None:
+        super().__init__(message)
+        self.notebook = notebook
+        self.kept = kept
+
+
+def run(
+    root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
+    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, extra: Mapping[str, Any] | None = None,
+) -> Path:  # fmt: skip
+    """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
+
+    given     parameter values; a path among them is relative to `base` (default: the working directory)
+    quick     start from the values of the cell tagged `quick` in place of the paper's
+    page      write `page.html`, the run as one self-contained page
+    threads   threads of the numerical libraries (default: all processors)
+    extra     entries added to provenance.json
+    Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
+    `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
+    """
+    source = notebooks.read(root, name)
+    specification = parameters.specification(source, name)
+    values = dict(specification.quick) if quick else {}
+    values |= specification.check(given or {}, base or Path.cwd())
+    out = Path(out).resolve()
+    _refuse_foreign(out)
+    failed = out.with_name(f"{out.name}.failed.ipynb")
+    with atomic.explained(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    try:
+        record = work / "run"
+        executed = _execute(source, name, values, root, record, work, threads or os.cpu_count() or 1, progress)
+        error = _first_error(executed)
+        notebooks.tidy(executed, name)
+        if error is not None:
+            _write_notebook(failed, executed)
+            raise ExecutionFailed(f"FAILED {name}: {error}\n  traceback: {failed}", name, failed)
+        if not (record / "provenance.json").is_file():
+            raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
+        _write_notebook(record / "notebook.ipynb", executed)
+        if extra:
+            provenance = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+            atomic.write_json(record / "provenance.json", provenance | dict(extra))
+        if page:
+            from geokalman.reproduce import page as pages
+
+            atomic.write_text(record / "page.html", pages.render(executed, root, name))
+        atomic.swap_folder(record, out)
+        failed.unlink(missing_ok=True)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return out
+
+
+def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
+    """`runs/<paper>/<notebook>/<what was asked>`, e.g. `quick+days=5.0`; the same request, the same folder."""
+    words = ["quick"] * quick + [f"{key}={value}" for key, value in sorted(given.items())]
+    text = "+".join(words) or "paper"
+    plain = re.sub(r"[^A-Za-z0-9=+.,_-]+", "-", text).strip("-")
+    if plain != text or len(plain) > 80:
+        import hashlib
+
+        plain = f"{plain[:70]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+    return root / "runs" / name / plain
+
+
+def _refuse_foreign(out: Path) -> None:
+    if out.is_dir():
+        inside = sorted(p.name for p in out.iterdir())
+        if inside and "provenance.json" not in inside:
+            raise Misuse(f"{out} holds other things ({', '.join(inside[:3])}); name a new or empty folder, or that of an earlier run.")
+    elif out.exists():
+        raise Misuse(f"{out} is a file; a run is written into a folder: name a new one.")
+
+
+def _execute(
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, threads: int,
+    progress: Progress | None,
+) -> NotebookNode:  # fmt: skip
+    import papermill
+    from jupyter_client.kernelspec import KernelSpec
+    from jupyter_client.manager import AsyncKernelManager
+
+    environment = {
+        "GEOKALMAN_ROOT": str(root),
+        "GEOKALMAN_OUT": str(record),
+        "PYTHONHASHSEED": "0",
+        "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
+        "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+        "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+        **{variable: str(threads) for variable in _THREADS},
+    }
+    command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
+    kernel = KernelSpec(argv=command, env=environment, display_name="Python 3", language="python", name="python3")
+
+    class Kernel(AsyncKernelManager):
+        """The interpreter that runs us, whatever kernels are installed, its connection file beside the run."""
+
+        @property
+        def kernel_spec(self) -> KernelSpec:
+            return kernel
+
+        def _connection_file_default(self) -> str:
+            return str(work / "kernel.json")
+
+    index = {id_: k for k, id_ in enumerate(c["id"] for c in source.cells if c.cell_type == "code")}
+
+    def started(cell: NotebookNode, cell_index: int) -> None:
+        if progress and cell.cell_type == "code":
+            progress(index.get(cell.get("id"), 0) + 1, len(index))
+
+    (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
+    try:
+        return papermill.execute_notebook(
+            str(work / "in.ipynb"), str(work / "out.ipynb"), parameters=dict(values), kernel_name="python3",
+            progress_bar=False, cwd=str((root / "book" / name).parent), kernel_manager_class=Kernel,
+            on_cell_start=started, coalesce_streams=True, start_timeout=120, request_save_on_cell_execute=False,
+        )  # fmt: skip
+    except papermill.PapermillExecutionError:
+        import nbformat
+
+        return nbformat.read(work / "out.ipynb", as_version=4)
+    except (RuntimeError, OSError) as error:
+        raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
+
+
+def _as_json(notebook: NotebookNode) -> str:
+    import nbformat
+
+    return nbformat.writes(notebook)
+
+
+def _write_notebook(path: Path, notebook: NotebookNode) -> None:
+    atomic.write_text(path, _as_json(notebook) + "\n")
+
+
+def _first_error(notebook: NotebookNode) -> str | None:
+    """Where and why the notebook stopped, with the line of its own code, or None."""
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            if output.output_type != "error":
+                continue
+            text = f"cell [{cell.execution_count}]: {output.ename}: {_ANSI.sub('', output.evalue)}"
+            trace = _ANSI.sub("", "\n".join(output.traceback))
+            arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
+            lines = cell.source.splitlines()
+            if arrow and 0 < int(arrow[1]) <= len(lines) and lines[int(arrow[1]) - 1].strip() == arrow[2].strip():
+                text += f"\n  line {arrow[1]}: {arrow[2].strip()}"
+            return text
+    return None

@@ -1,0 +1,283 @@
+"""What a notebook says about itself: its checked parameters in, its named numbers, arrays, figures and tables out."""
+
+from __future__ import annotations
+
+import ast
+import atexit
+import csv
+import io
+import json
+import math
+import numbers
+import os
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from geokalman import files
+from geokalman.reproduce import atomic, display, parameters, provenance
+from geokalman.reproduce.errors import Fault
+from geokalman.reproduce.memo import Memo
+
+T = TypeVar("T")
+OUT = "GEOKALMAN_OUT"
+"""Environment variable: folder of the run; without it the record goes to `runs/<paper>/<notebook>/interactive`."""
+DPI = 180
+_KEY = re.compile(r"[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*")
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+
+
+class Params(Mapping[str, Any]):
+    """The values of the parameters, by key or by attribute, not to be changed."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        object.__setattr__(self, "_values", dict(values))
+
+    def __getitem__(self, name: str) -> Any:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self._values[name]
+        except KeyError:
+            raise AttributeError(f"{name} is no parameter; there are {', '.join(self._values)}.") from None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{name} cannot be set here: parameters are given in the parameters cell or on the command line.")
+
+    def __repr__(self) -> str:
+        return f"Params({', '.join(f'{k}={v!r}' for k, v in self._values.items())})"
+
+
+class Notebook:
+    """The record of one run of the notebook `<paper>/<name>`, whose namespace is `globals()`.
+
+    Checks every parameter found in the namespace, however the notebook was started, and puts the checked value back.
+    Nothing stands in the run folder before `finish()`. Raises Misuse for an unknown parameter or a wrong value.
+    """
+
+    def __init__(self, name: str, namespace: dict[str, Any]) -> None:
+        self._started = time.perf_counter()
+        self._root = files.project_root()
+        self.name = name
+        self.specification = parameters.load(self._root, name)
+        for stray in _injected(namespace) - set(self.specification.parameters):
+            raise self.specification.unknown(stray)
+        missing = [p for p in self.specification.parameters if p not in namespace]
+        if missing:
+            raise Fault(f"{', '.join(missing)} of {name} has no value yet; execute its parameters cell first.")
+        values = self.specification.check({p: namespace[p] for p in self.specification.parameters})
+        namespace.update(values)
+        self.params = Params(values)
+        self.mode = self.specification.mode(values)
+        """`paper` for the defaults, `quick` for the quick values, else `custom`."""
+        told = os.environ.get(OUT)
+        self._interactive = not told
+        self.out = Path(told).resolve() if told else self._root / "runs" / name / "interactive"
+        self._staging = self.out.with_name(f".{self.out.name}.partial-{os.getpid()}")
+        shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier execution in this Jupyter kernel
+        atexit.register(shutil.rmtree, self._staging, ignore_errors=True)
+        self._memo = Memo(self._root / ".cache" / "memo")
+        self._metrics: dict[str, dict[str, Any]] = {}
+        self._arrays: dict[str, np.ndarray] = {}
+        self._units: dict[str, str] = {}
+        self._shown: dict[str, dict[str, Any]] = {}
+        self._finished = False
+
+    def memo(self, function: Callable[..., T], ignore: Iterable[str] = ()) -> Callable[..., T]:
+        """The function with its results kept on disk, keyed by arguments and code; see `memo.Memo`."""
+        return self._memo(function, ignore)
+
+    def record(self, key: str, value: float, unit: str = "", finite: bool = True) -> float:
+        """Record a number under a dotted name, in SI unless the name says otherwise, and give it back.
+
+        Raises Fault for a name that is malformed or taken, and for a value that is no number, or not finite where
+        `finite` holds (else it is recorded as null).
+        """
+        self._claim(key, self._metrics, _KEY, "a dotted name such as table1.ukf.std")
+        if hasattr(value, "item") and np.ndim(value) == 0:
+            value = np.asarray(value).item()
+        if not isinstance(value, numbers.Real):
+            raise Fault(f"{key} = {value!r} is no number; arrays are recorded with nb.array.")
+        if not math.isfinite(value) and finite:
+            raise Fault(f"{key} = {value} is not finite; say finite=False where that is meant.")
+        self._metrics[key] = {"value": value if math.isfinite(value) else None, "unit": unit}
+        return value
+
+    def array(self, key: str, values: ArrayLike, unit: str = "", finite: bool = True) -> np.ndarray:
+        """Record an array of numbers under a dotted name, and give it back; raises Fault as `record` does."""
+        self._claim(key, self._arrays, _KEY, "a dotted name such as residual.ukf")
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiubc":
+            raise Fault(f"{key} has items of type {array.dtype}; an array of numbers can be recorded.")
+        if finite and not np.isfinite(array).all():
+            bad = np.argwhere(~np.isfinite(array))[0].tolist()
+            raise Fault(f"{key} is not finite at index {bad}; say finite=False where that is meant.")
+        self._arrays[key], self._units[key] = array, unit
+        return array
+
+    def figure(
+        self, name: str, draw: Callable[..., Any], *args: Any, caption: str, alt: str,
+        data: Mapping[str, ArrayLike] | None = None, data_every: int = 1, **kwargs: Any,
+    ) -> None:  # fmt: skip
+        """Draw `draw(*args, **kwargs)` light and dark, keep both images and its data as CSV, and display it.
+
+        name        file name and, in the book, the label for {numref}
+        draw        function giving a matplotlib Figure
+        caption     one or two sentences below it;  alt: what it shows, for who cannot see it
+        data        column name (with unit, `range_rate_m_s`) -> 1-D column; all of one length
+        data_every  keep every so many rows of the columns; stated in the record
+        """
+        from geokalman import style
+
+        self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
+        for word, text in (("caption", caption), ("alt", alt)):
+            if not str(text).strip():
+                raise Fault(f"Figure {name} has an empty {word}; every figure needs one.")
+        images = {}
+        for theme in ("light", "dark"):
+            with style.theme(theme):
+                figure = draw(*args, **kwargs)
+                if not hasattr(figure, "savefig"):
+                    raise Fault(f"{getattr(draw, '__name__', draw)} gave {type(figure).__name__} for figure {name}; it must return a matplotlib Figure.")
+                buffer = io.BytesIO()
+                figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})  # same figure, same bytes
+                width = round(float(figure.get_size_inches()[0]) * 100)
+                style.close(figure)
+            images[theme] = buffer.getvalue()
+        paths = {theme: f"figures/{name}.{theme}.png" for theme in images}
+        for theme, image in images.items():
+            self._write(paths[theme], image)
+        record = {"name": name, "caption": caption, "alt": alt, "width": width, "files": paths}
+        if data is not None:
+            paths["csv"] = f"figures/{name}.csv"
+            self._write(paths["csv"], _columns(name, data, data_every))
+            record["data_every"] = data_every
+        self._shown[name] = record | {"kind": "figure"}
+        display.show(display.figure_bundle(record, images["light"]))
+
+    def table(
+        self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]], caption: str,
+        formats: Sequence[str | None] | None = None,
+    ) -> None:  # fmt: skip
+        """Keep a table as CSV (full digits) and display it (four digits, or by the `formats` of the columns).
+
+        header: (k,) names, units in them; rows: each (k,) of numbers, texts or None; formats: (k,) such as ".3e" or None.
+        """
+        self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
+        rows = [list(row) for row in rows]
+        if not str(caption).strip():
+            raise Fault(f"Table {name} has an empty caption; every table needs one.")
+        for row in [*rows, *([formats] if formats else [])]:
+            if len(row) != len(header):
+                raise Fault(f"Table {name} has {len(header)} columns, but a row (or formats) of {len(row)}: {row}.")
+        forms = formats or [None] * len(header)
+        numeric = [any(isinstance(r[k], numbers.Real) for r in rows) for k in range(len(header))]
+        record: dict[str, Any] = {
+            "name": name,
+            "caption": caption,
+            "header": [str(h) for h in header],
+            "rows": [[display.cell(v, f if isinstance(v, numbers.Real) else None) for v, f in zip(r, forms, strict=True)] for r in rows],
+            "align": ["right" if n else "left" for n in numeric],
+            "files": {"csv": f"tables/{name}.csv"},
+        }
+        record["markdown"] = display.markdown_table(record["header"], record["rows"], record["align"])
+        self._write(record["files"]["csv"], _csv([list(header), *rows]))
+        self._shown[name] = record | {"kind": "table"}
+        display.show(display.table_bundle(record))
+
+    def verdicts(self) -> None:
+        """Show the claims that this notebook's numbers decide; with other parameters than the paper's nothing is judged."""
+        from geokalman.reproduce import verdicts
+
+        header, rows, caption = verdicts.of_notebook(self._root, self.name, self._metrics, judge=self.mode == "paper")
+        if rows:
+            self.table("verdicts", header, rows, caption)
+
+    def finish(self) -> None:
+        """Write the record whole into the run folder `out`; raises Fault, leaving what stood there, where it cannot."""
+        self._open()
+        described = {
+            "notebook": self.name,
+            "mode": self.mode,
+            "parameters": dict(self.params),
+            "seed": self.params.get("seed"),
+            **provenance.describe(self._root),
+            "arrays": {k: {"shape": list(a.shape), "unit": self._units[k]} for k, a in self._arrays.items()},
+            "figures": [k for k, r in self._shown.items() if r["kind"] == "figure"],
+            "tables": [k for k, r in self._shown.items() if r["kind"] == "table"],
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            "seconds": round(time.perf_counter() - self._started, 3),
+        }
+        buffer = io.BytesIO()
+        np.savez(buffer, **self._arrays)
+        self._write("arrays.npz", buffer.getvalue())
+        self._write("metrics.json", _json(self._metrics))
+        self._write("provenance.json", _json(described))
+        atomic.swap_folder(self._staging, self.out)
+        self._finished = True
+        print(
+            f"Recorded {len(self._metrics)} numbers, {len(self._arrays)} arrays, "
+            f"{len(described['figures'])} figures and {len(described['tables'])} tables."
+        )
+
+    def _open(self) -> None:
+        if self._finished:
+            raise Fault(f"{self.name} is finished; make a new Notebook to record again.")
+
+    def _claim(self, key: str, taken: Mapping[str, Any], pattern: re.Pattern[str], wanted: str) -> None:
+        self._open()
+        if not pattern.fullmatch(key):
+            raise Fault(f"{key!r} cannot name a record; it must be {wanted}.")
+        others = self._arrays if taken is self._metrics else self._metrics if taken is self._arrays else {}
+        if key in others or (key in taken and not self._interactive):  # a cell may be executed again in Jupyter
+            raise Fault(f"{key!r} is recorded already; a name is recorded once.")
+
+    def _write(self, path: str, content: bytes) -> None:
+        target = self._staging / path
+        with atomic.explained(self.out / path):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(content)
+
+
+def _injected(namespace: Mapping[str, Any]) -> set[str]:
+    """Names assigned in the cell that papermill injects, from IPython's list of executed cells."""
+    names: set[str] = set()
+    for cell in namespace.get("In", ()):
+        if isinstance(cell, str) and cell.startswith("# Parameters\n"):
+            nodes = (n for n in ast.parse(cell).body if isinstance(n, ast.Assign))
+            names.update(t.id for n in nodes for t in n.targets if isinstance(t, ast.Name))
+    return names
+
+
+def _columns(name: str, data: Mapping[str, ArrayLike], every: int) -> bytes:
+    columns = {column: np.asarray(values) for column, values in data.items()}
+    for column, values in columns.items():
+        if values.ndim != 1:
+            raise Fault(f"Column {column} of figure {name} has shape {values.shape}; a column has one dimension (ravel a map).")
+    lengths = {column: len(values) for column, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise Fault(f"The columns of figure {name} have different lengths, {lengths}; fill the shorter ones with nan.")
+    return _csv([list(columns), *zip(*(values[::every].tolist() for values in columns.values()), strict=True)])
+
+
+def _csv(rows: Iterable[Sequence[Any]]) -> bytes:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)  # floats as repr: the shortest text that reads back the same
+    return buffer.getvalue().encode()
+
+
+def _json(value: Any) -> bytes:
+    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
