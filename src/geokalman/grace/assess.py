@@ -1,0 +1,119 @@
+"""Where truth and estimate meet: residual statistics, degree-variance differences, geoid errors. Plain numbers and arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.constants import OMEGA_EARTH
+from geokalman.grace.model import DAY, Array, range_rate
+from geokalman.grace.recover import Recovery
+from geokalman.grace.simulate import OrbitPair
+from geokalman.physics.field import GravityField
+from geokalman.physics.harmonics import area_rms, degree_variance, error_degree_variance, geoid_difference
+
+
+class Statistics(NamedTuple):
+    """Statistics of a residual series, as in Table 1; std is the population standard deviation (ddof = 0)."""
+
+    mean: float
+    min: float
+    max: float
+    std: float
+
+
+def inner(series: Array, edge: int) -> Array:
+    """The series without its first and last `edge` epochs. Raises ValueError where nothing would be left."""
+    if edge < 0 or len(series) <= 2 * edge:
+        raise ValueError(
+            f"edge = {edge} epochs at either end leave nothing of {len(series)}; give a smaller edge or more days."
+        )
+    return series[edge : len(series) - edge]
+
+
+def statistics(residual: Array, edge: int = 100) -> Statistics:
+    """Mean, extremes and standard deviation of a residual (n,), its edges left out, in the unit of the residual."""
+    kept = inner(residual, edge)
+    if not np.isfinite(kept).all():
+        raise ValueError(
+            f"the residual is not finite at epoch {edge + int((~np.isfinite(kept)).argmax())}; edge = {edge} must cover the stencil."
+        )
+    return Statistics(float(kept.mean()), float(kept.min()), float(kept.max()), float(kept.std()))
+
+
+def range_rate_residual(rate: Array, orbit: OrbitPair) -> Array:
+    """Range-rate of a method minus that of the simulation (n,) [m/s]; NaN where the method has none."""
+    return rate - range_rate(orbit.dr, orbit.dv)
+
+
+def largest_node_gap(orbit: OrbitPair, days: Sequence[float]) -> list[float]:
+    """Largest gap in longitude [deg] between the trailing satellite's ascending nodes on the Earth, after so many days.
+
+    Fewer than two nodes leave the whole circle, 360.
+    """
+    z = orbit.B[:, 2]
+    k = np.flatnonzero((z[:-1] < 0) & (z[1:] >= 0))
+    part = -z[k] / (z[k + 1] - z[k])
+    t = orbit.t[k] + part * orbit.dt
+    x, y = (orbit.B[k, i] + part * (orbit.B[k + 1, i] - orbit.B[k, i]) for i in (0, 1))
+    longitude = np.degrees(np.arctan2(y, x) - OMEGA_EARTH * t) % 360
+    gaps = []
+    for span in days:
+        nodes = np.sort(longitude[t <= span * DAY])
+        gaps.append(float(np.diff(nodes, append=nodes[:1] + 360).max()) if len(nodes) else 360.0)
+    return gaps
+
+
+class Spectrum(NamedTuple):
+    """What a recovery looks like by degree, arrays over n = 0..N: degree variance, its difference, error amplitude [m]."""
+
+    variance: Array
+    difference: Array
+    amplitude: Array
+
+
+def spectrum(recovery: Recovery, observable: str, truth: GravityField) -> Spectrum:
+    """Degree variances (54) recovered, |their difference to the truth|, and R sqrt(sum of squared errors) [m] per degree.
+
+    The difference of variances is the paper's figure 5; the error amplitude is the meaningful one, since errors cannot cancel in it.
+    """
+    C, S = recovery.coefficients(observable)
+    n = recovery.n_max + 1
+    reference = degree_variance(truth.C[:n, :n], truth.S[:n, :n])
+    variance = degree_variance(C, S)
+    error = error_degree_variance(C - truth.C[:n, :n], S - truth.S[:n, :n])
+    return Spectrum(variance, np.abs(variance - reference), truth.radius * np.sqrt(error))
+
+
+def geometric_ratio(above: Array, below: Array) -> float:
+    """Geometric mean of the quotient of two positive series of equal length."""
+    return float(np.exp(np.mean(np.log(above / below))))
+
+
+def geoid_error(recovery: Recovery, observable: str, truth: GravityField, step_deg: float, gauss_km: float) -> Array:
+    """Geoid height of the truth minus the recovered one [m], low-passed, on a cell-centred grid (n_lat, n_lon)."""
+    C, S = recovery.coefficients(observable)
+    n = recovery.n_max + 1
+    return geoid_difference(truth.C[:n, :n] - C, truth.S[:n, :n] - S, truth.radius, step_deg, gauss_km)
+
+
+class MapStatistics(NamedTuple):
+    """Area-weighted rms, largest absolute value and span (max - min) of a map, in its unit."""
+
+    rms: float
+    max: float
+    span: float
+
+
+def map_statistics(grid: Array) -> MapStatistics:
+    """Statistics of a cell-centred global grid (n_lat, n_lon)."""
+    return MapStatistics(area_rms(grid), float(np.abs(grid).max()), float(np.ptp(grid)))
+
+
+def smallest_share(series: Mapping[str, Array]) -> dict[str, float]:
+    """For each of several series of equal length, the share of places at which it is the smallest."""
+    names = list(series)
+    winners = np.argmin(np.array([series[name] for name in names]), axis=0)
+    return {name: float(np.mean(winners == k)) for k, name in enumerate(names)}
