@@ -1,0 +1,214 @@
+"""Gravity of a spherical-harmonic field at points: potential, acceleration, gradient tensor.
+
+The potential of fully normalised coefficients is
+
+    V(r) = GM/r sum_n sum_m (R/r)^n P_nm(sin phi) (C_nm cos m lambda + S_nm sin m lambda).
+
+With X = R x/r^2, Y = R y/r^2, Z = R z/r^2 and Q = R^2/r^2 a term of it is ``k_nm p_nm(Z, Q) Re (X + iY)^m`` (``Im`` for S), where
+p_nm is the monic solid Legendre polynomial
+
+    p_n = Z p_(n-1) - beta_nm Q p_(n-2),   beta_nm = ((n-1)^2 - m^2) / (4 (n-1)^2 - 1),   p_mm = 1,
+
+and the normalisation k_nm (about 2^n) is folded into the coefficients once. The factor (X + iY)^m carries all of the
+longitude and of cos^m phi, so a pole is a point like any other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from geokalman.physics.harmonics import GravityField
+
+MAX_DEGREE = 1000
+"""Highest degree of the kernels: beyond it the folded normalisation, about 2^n, leaves the range of float64."""
+MIN_RADIUS_RATIO = 0.9
+"""Smallest |r|/R accepted: further down the series of the exterior field means nothing (it converges outside the masses)."""
+HEADER = 4
+"""Numbers before the tables in packed parameters: GM [m^3 s^-2], R [m], maximum degree, C_00."""
+
+
+def monic_factors(n_max: int) -> np.ndarray:
+    """Factors k_nm that turn monic Legendre functions into fully normalised ones, P_nm(t) = k_nm (1 - t^2)^(m/2) t^(n-m) + ...
+
+    n_max : maximum degree, 0..1000
+    Returns (n_max+1, n_max+1), lower triangle. Raises ValueError for a degree outside the range of float64.
+    """
+    if not 0 <= n_max <= MAX_DEGREE:
+        raise ValueError(f"degree {n_max} is outside 0..{MAX_DEGREE}, where the monic Legendre recursion fits float64")
+    k = np.zeros((n_max + 1, n_max + 1))
+    k[0, 0] = 1.0
+    for n in range(1, n_max + 1):
+        m = np.arange(n)
+        k[n, :n] = k[n - 1, :n] * np.sqrt((2 * n + 1) * (2 * n - 1) / ((n - m) * (n + m)))
+        k[n, n] = k[n - 1, n - 1] * math.sqrt((2 * n + 1) / (2 * n) * (2 if n == 1 else 1))
+    return k
+
+
+def pack(field: GravityField, n_max: int | None = None) -> np.ndarray:
+    """Flat parameters of a field for the kernels: header, then beta, C and S order by order, normalisation folded in.
+
+    field : gravity field
+    n_max : degree and order at which the sum stops (default: all of the field)
+    Returns (4 + 3 (n_max+1)(n_max+2)/2,). Raises ValueError for a degree that the field or float64 does not reach.
+    """
+    n_max = _checked_degree(field, n_max)
+    return _pack(field.gm, field.radius, field.C[: n_max + 1, : n_max + 1], field.S[: n_max + 1, : n_max + 1])
+
+
+def _pack(gm: float, radius: float, C: np.ndarray, S: np.ndarray) -> np.ndarray:
+    n_max = C.shape[0] - 1
+    m, n = np.triu_indices(n_max + 1)  # order-major: all degrees of order 0, then of order 1, ...
+    beta = np.where(n > m, ((n - 1.0) ** 2 - m**2) / (4.0 * (n - 1.0) ** 2 - 1.0), 0.0)
+    k = monic_factors(n_max)
+    return np.concatenate([[gm, radius, n_max, C[0, 0]], beta, (k * C)[n, m], (k * S)[n, m]])
+
+
+def _checked_degree(field: GravityField, n_max: int | None) -> int:
+    top = field.C.shape[0] - 1
+    if n_max is None:
+        n_max = top
+    if not 0 <= n_max <= top:
+        raise ValueError(f"n_max = {n_max} is outside 0..{top}, the degrees of the field {field.name}")
+    if n_max > MAX_DEGREE:
+        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE}: truncate the field, the recursion leaves float64 there")
+    return int(n_max)
+
+
+def checked_points(r: np.ndarray, radius: float) -> np.ndarray:
+    r = np.asarray(r, dtype=float)
+    if r.ndim == 0 or r.shape[-1] != 3:
+        raise ValueError(f"positions have shape {r.shape}, their last axis must be x, y, z")
+    points = np.ascontiguousarray(r.reshape(-1, 3))
+    distance = np.sqrt(np.einsum("ij,ij->i", points, points))
+    bad = np.flatnonzero(~(distance >= MIN_RADIUS_RATIO * radius))
+    if bad.size:
+        i = bad[0]
+        raise ValueError(
+            f"position {i} is {distance[i]:.6g} m from the centre, the exterior field needs at least "
+            f"{MIN_RADIUS_RATIO:g} of its radius {radius:.10g} m"
+        )
+    return points
+
+
+@njit(cache=True, fastmath={"contract"})
+def acceleration_point(r, params, out):
+    """Acceleration of a packed field at one Earth-fixed point r (3,) [m], written to out (3,) [m s^-2].
+
+    With g = GM/R^2 sqrt(Q), q = (X, Y, Z) and H the sum of all terms above degree 0,
+    dV/dx_i = g (Q dH/dq_i - q_i sum (n + m + 1 + Z d/dZ) H_nm - q_i C_00); derivatives at constant Q.
+    """
+    gm, radius, n_max, c00 = params[0], params[1], int(params[2]), params[3]
+    terms = (n_max + 1) * (n_max + 2) // 2
+    beta = params[HEADER : HEADER + terms]
+    c = params[HEADER + terms : HEADER + 2 * terms]
+    s = params[HEADER + 2 * terms : HEADER + 3 * terms]
+    f = radius / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    x, y, z, q = f * r[0], f * r[1], f * r[2], radius * f
+    re, im = 1.0, 0.0  # (X + iY)^m
+    re_below, im_below = 0.0, 0.0  # (X + iY)^(m-1)
+    hx, hy, hz, hw = 0.0, 0.0, 0.0, 0.0
+    k = 0
+    for m in range(n_max + 1):
+        p1, p2, d1, d2 = 1.0, 0.0, 0.0, 0.0
+        weight = 2.0 * m + 1.0
+        a, b = c[k], s[k]
+        if m == 0:
+            a = 0.0  # the central term is added last: it would cost the small ones their digits
+        aw, bw, az, bz = weight * a, weight * b, 0.0, 0.0
+        k += 1
+        for _ in range(m + 1, n_max + 1):
+            bq = beta[k] * q
+            p = z * p1 - bq * p2
+            d = p1 + (z * d1 - bq * d2)
+            weight += 1.0
+            cp, sp = c[k] * p, s[k] * p
+            a += cp
+            b += sp
+            aw += weight * cp
+            bw += weight * sp
+            az += c[k] * d
+            bz += s[k] * d
+            p2, p1, d2, d1 = p1, p, d1, d
+            k += 1
+        hx += m * (re_below * a + im_below * b)
+        hy += m * (re_below * b - im_below * a)
+        dz = re * az + im * bz
+        hz += dz
+        hw += re * aw + im * bw + z * dz
+        re_below, im_below = re, im
+        re, im = x * re_below - y * im_below, x * im_below + y * re_below
+    g = gm / (radius * radius) * math.sqrt(q)
+    out[0] = g * (q * hx - x * hw - x * c00)
+    out[1] = g * (q * hy - y * hw - y * c00)
+    out[2] = g * (q * hz - z * hw - z * c00)
+
+
+@njit(cache=True, fastmath={"contract"})
+def potential_point(r, params):
+    """Potential of a packed field at one Earth-fixed point r (3,) [m], in m^2 s^-2."""
+    gm, radius, n_max, c00 = params[0], params[1], int(params[2]), params[3]
+    terms = (n_max + 1) * (n_max + 2) // 2
+    beta = params[HEADER : HEADER + terms]
+    c = params[HEADER + terms : HEADER + 2 * terms]
+    s = params[HEADER + 2 * terms : HEADER + 3 * terms]
+    f = radius / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    x, y, z, q = f * r[0], f * r[1], f * r[2], radius * f
+    re, im = 1.0, 0.0
+    h = 0.0
+    k = 0
+    for m in range(n_max + 1):
+        p1, p2 = 1.0, 0.0
+        a, b = c[k], s[k]
+        if m == 0:
+            a = 0.0
+        k += 1
+        for _ in range(m + 1, n_max + 1):
+            p = z * p1 - beta[k] * q * p2
+            a += c[k] * p
+            b += s[k] * p
+            p2, p1 = p1, p
+            k += 1
+        h += re * a + im * b
+        re, im = x * re - y * im, x * im + y * re
+    return gm / radius * math.sqrt(q) * (c00 + h)
+
+
+@njit(cache=True)
+def _accelerations(points, params, out):
+    for i in range(points.shape[0]):
+        acceleration_point(points[i], params, out[i])
+
+
+@njit(cache=True)
+def _potentials(points, params, out):
+    for i in range(points.shape[0]):
+        out[i] = potential_point(points[i], params)
+
+
+def acceleration(field: GravityField, r_ecef: np.ndarray, n_max: int | None = None) -> np.ndarray:
+    """Gravitational acceleration g = grad V of a field at Earth-fixed points.
+
+    r_ecef : (..., 3) positions [m]
+    n_max : degree and order at which the sum stops (default: all of the field)
+    Returns (..., 3) [m s^-2]. Raises ValueError for a point below 0.9 of the field's radius or a degree it lacks.
+    """
+    points = checked_points(r_ecef, field.radius)
+    out = np.empty_like(points)
+    _accelerations(points, pack(field, n_max), out)
+    return out.reshape(np.shape(r_ecef))
+
+
+def potential(field: GravityField, r_ecef: np.ndarray, n_max: int | None = None) -> np.ndarray:
+    """Gravitational potential V of a field at Earth-fixed points.
+
+    r_ecef : (..., 3) positions [m]
+    n_max : degree and order at which the sum stops (default: all of the field)
+    Returns (...) [m^2 s^-2]. Raises ValueError as `acceleration` does.
+    """
+    points = checked_points(r_ecef, field.radius)
+    out = np.empty(points.shape[0])
+    _potentials(points, pack(field, n_max), out)
+    return out.reshape(np.shape(r_ecef)[:-1])
