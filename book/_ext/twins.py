@@ -1,0 +1,53 @@
+"""Two small changes to the pages' trees: dark twins of figures, and badges for the words of the verdicts."""
+
+from __future__ import annotations
+
+import os
+
+from docutils import nodes
+from sphinx.transforms import SphinxTransform
+
+_VERDICTS = {"reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"}
+
+
+class DarkTwin(SphinxTransform):
+    """Follow each image `x.light.png` by `x.dark.png`, where it exists; the style sheet shows the one of the theme."""
+
+    default_priority = 210
+
+    def apply(self) -> None:
+        for image in list(self.document.findall(nodes.image)):
+            uri = image["uri"]
+            if ".light." not in uri:
+                continue
+            dark = uri.replace(".light.", ".dark.")
+            if not os.path.exists(self.env.relfn2path(dark, self.env.docname)[1]):
+                continue
+            twin = image.deepcopy()
+            twin["uri"] = dark
+            twin["ids"], twin["names"] = [], []
+            image["classes"] = [*image["classes"], "dark-light", "twin-light"]
+            twin["classes"] = [*twin["classes"], "dark-light", "twin-dark"]
+            parent, place = image.parent, image.parent.index(image)
+            parent[place] = nodes.inline("", "", image, twin, classes=["twins"])
+
+
+class VerdictBadge(SphinxTransform):
+    """Mark a table cell whose whole text is a verdict, so that the style sheet draws it as a badge."""
+
+    default_priority = 220
+
+    def apply(self) -> None:
+        for entry in self.document.findall(nodes.entry):
+            word = entry.astext().strip()
+            if word not in _VERDICTS:
+                continue
+            paragraph = next(iter(entry.findall(nodes.paragraph)), None)
+            if paragraph is not None:
+                paragraph[:] = [nodes.inline("", word, classes=["verdict", f"verdict-{word}"])]
+
+
+def setup(app) -> dict:
+    app.add_transform(DarkTwin)
+    app.add_transform(VerdictBadge)
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,232 @@
+"""Staging: executed runs and prose become the sources of the book, `book/_build/site/`.
+
+A figure or table that a notebook recorded becomes a numbered, captioned, downloadable MyST directive; code is folded
+away, one click from the reader; each page says how it was made and how to rerun it.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import nbformat
+import yaml
+from filelock import FileLock
+
+from geokalman.reproduce import notebooks, pagefoot
+from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
+from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
+from geokalman.reproduce.errors import Fault
+
+_ASSETS = {".bib", ".css", ".js", ".svg", ".png", ".py", ".csv", ".txt"}
+_PLACEHOLDER = re.compile(r"^<!--\s*(verdicts|verdict-summary)\s*(?::\s*([\w-]+)\s*)?-->\s*$", re.M)
+
+
+class StageError(Fault):
+    """The sources of the book cannot be put together; the message says what is missing and where."""
+
+
+def stage(root: Path) -> Path:
+    """Write `book/_build/site/` from the pages of `book/_toc.yml` and the run folders; returns that folder.
+
+    The folder appears whole or not at all, and holds nothing of pages that left the book. Raises StageError where a page,
+    a run or a part of a run is missing.
+    """
+    book, site = root / "book", root / "book" / "_build" / "site"
+    pages = toc_pages(book / "_toc.yml")
+    runs = {page: book / "_build" / "runs" / page for page in pages if page in notebooks.names(root)}
+    _require_all(book, pages, runs)
+    with explained(site), alone(site):
+        new = partial_path(site)
+        new.mkdir()
+        _copy_assets(book, new)
+        for page in pages:
+            target = new / page
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if page in runs:
+                files = target.with_name(f"{target.name}.files")
+                nbformat.write(stage_notebook(root, page, runs[page], files), target.with_name(f"{target.name}.ipynb"))
+            else:
+                text = fill((book / f"{page}.md").read_text(encoding="utf-8"), root)
+                target.with_name(f"{target.name}.md").write_text(text, encoding="utf-8")
+        swap_folder(new, site)
+    return site
+
+
+@contextmanager
+def alone(target: Path) -> Iterator[None]:
+    """Make a folder of `book/_build` while no other process does; what a killed one left there is cleared first."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(target.parent / ".book.lock"):
+        sweep(target.parent)
+        try:
+            yield
+        finally:
+            sweep(target.parent)
+
+
+def toc_pages(toc: Path) -> list[str]:
+    """Names (no suffix) of the pages that the table of contents lists, in its order."""
+    found: list[str] = []
+
+    def walk(node) -> None:
+        if isinstance(node, list):
+            for item in node:
+                walk(item)
+        elif isinstance(node, dict):
+            found.extend(str(node[key]) for key in ("root", "file") if key in node)
+            for key in ("parts", "chapters", "sections", "entries", "subtrees"):
+                walk(node.get(key, []))
+
+    walk(yaml.safe_load(toc.read_text(encoding="utf-8")))
+    return found
+
+
+def fill(text: str, root: Path) -> str:
+    """Replace the lines `<!-- verdicts: PAPER -->` and `<!-- verdict-summary -->` by what the ledgers say now."""
+
+    from geokalman.reproduce import claims
+
+    def block(match: re.Match) -> str:
+        kind, paper = match.groups()
+        if kind == "verdict-summary":
+            return f"\n{claims.summary_markdown(root)}\n"
+        if not paper:
+            raise StageError(f"{match.group(0).strip()} names no paper; write <!-- verdicts: PAPER -->.")
+        return f"\n{claims.verdicts_markdown(root, paper)}\n"
+
+    return _PLACEHOLDER.sub(block, text)
+
+
+def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
+    """The executed notebook of `run` as a page of the book; what it shows or offers is copied into the folder `files`."""
+    notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
+    files.mkdir(parents=True)
+    cells: list[nbformat.NotebookNode] = []
+    for cell in notebook.cells:
+        tags = cell.metadata.get("tags", [])
+        if cell.cell_type == "markdown":
+            cells.append(_markdown(fill(cell.source, root)))
+        elif cell.cell_type == "code" and "quick" not in tags and cell.source.strip() != "nb.finish()":
+            shown = [_directive(page, output, run, files) for output in cell.outputs]
+            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None]
+            _fold(cell)
+            if cells and _joins(cells[-1], cell):
+                cells[-1].source += "\n\n" + cell.source
+                cells[-1].outputs = cell.outputs
+            else:
+                cells.append(cell)
+            cells.extend(_markdown(text) for text in shown if text is not None)
+    cells.append(_markdown(pagefoot.foot(root, page, run, files)))
+    for number, cell in enumerate(cells):
+        cell["id"] = f"{page.replace('/', '-')}-{number}"[-64:]
+    metadata = {key: notebook.metadata[key] for key in ("kernelspec", "language_info") if key in notebook.metadata}
+    return nbformat.v4.new_notebook(cells=cells, metadata=metadata)
+
+
+def _require_all(book: Path, pages: list[str], runs: dict[str, Path]) -> None:
+    absent = [f"book/{page}.md" for page in pages if not (book / f"{page}.md").is_file()]
+    if absent:
+        raise StageError(f"book/_toc.yml lists pages that do not exist: {', '.join(absent)}.")
+    missing = [page for page, run in runs.items() if not (run / "notebook.ipynb").is_file()]
+    if missing:
+        raise StageError(f"not executed yet: {', '.join(missing)}; `geokalman build` (or make book) executes them.")
+
+
+def _copy_assets(book: Path, new: Path) -> None:
+    for path in sorted(book.rglob("*")):
+        inside = path.relative_to(book)
+        wanted = path.suffix in _ASSETS or path.name in ("_config.yml", "_toc.yml")
+        if wanted and path.is_file() and not {"_build", "__pycache__", ".ipynb_checkpoints"} & set(inside.parts):
+            _copy(path, new / inside)
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+
+
+def _markdown(text: str) -> nbformat.NotebookNode:
+    return nbformat.v4.new_markdown_cell(text)
+
+
+def _fold(cell: nbformat.NotebookNode) -> None:
+    """Fold a code cell's source away unless its author tagged it `show-input`."""
+    tags = list(cell.metadata.get("tags", []))
+    if "show-input" not in tags:
+        label = "Parameters" if "parameters" in tags else "Code"
+        cell.metadata["mystnb"] = {"code_prompt_show": f"{label}: show", "code_prompt_hide": f"{label}: hide"}
+        tags.append("hide-input")
+    cell.metadata["tags"] = tags
+    cell.metadata.pop("papermill", None)
+
+
+def _joins(before: nbformat.NotebookNode, cell: nbformat.NotebookNode) -> bool:
+    """Whether two folded code cells with nothing shown between them become one."""
+    folded = all("hide-input" in c.metadata.get("tags", []) for c in (before, cell))
+    return before.cell_type == "code" and folded and not before.outputs
+
+
+def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path) -> str | None:
+    """MyST text that stands for one output of a code cell, or None where the output stays as it is."""
+    data = output.get("data", {})
+    if FIGURE_TYPE in data:
+        return _figure(page, data[FIGURE_TYPE], run, files)
+    if TABLE_TYPE in data:
+        return _table(page, data[TABLE_TYPE], run, files)
+    if "text/markdown" in data:
+        return str(data["text/markdown"])
+    return None
+
+
+def label(kind: str, page: str, name: str) -> str:
+    """Label by which pages refer to a figure (`kind` fig) or table (tab): `<kind>-<paper>-<name>`.
+
+    Each notebook has a table `verdicts` of its own; its label carries the notebook's name too.
+    """
+    paper, notebook = page.split("/", 1)
+    return f"{kind}-{paper}-{notebook}-{name}" if name == "verdicts" else f"{kind}-{paper}-{name}"
+
+
+def _figure(page: str, record: dict, run: Path, files: Path) -> str:
+    for theme in ("light", "dark"):
+        source = _part(run, record["files"][theme])
+        _copy(source, files / source.name)
+    return (
+        f"```{{figure}} {files.name}/{record['name']}.light.png\n:name: {label('fig', page, record['name'])}\n"
+        f":alt: {_line(record['alt'])}\n:width: {record['width']}px\n\n"
+        f"{_line(record['caption'])}\n{_data_link(record, run, files)}```"
+    )
+
+
+def _table(page: str, record: dict, run: Path, files: Path) -> str:
+    rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
+    rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
+    body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
+    head = f"```{{table}} {_line(record['caption'])}\n:name: {label('tab', page, record['name'])}\n\n"
+    return f"{head}{body}\n```\n{_data_link(record, run, files)}"
+
+
+def _data_link(record: dict, run: Path, files: Path) -> str:
+    """A line that offers the numbers behind a figure or table, or nothing where none were kept."""
+    if "csv" not in record["files"]:
+        return ""
+    source = _part(run, record["files"]["csv"])
+    _copy(source, files / source.name)
+    every = record.get("data_every", 1)
+    thinned = f", one row in {every}" if every > 1 else ""
+    return f"\n{{download}}`Data (CSV{thinned}) <{files.name}/{source.name}>`\n"
+
+
+def _part(run: Path, inside: str) -> Path:
+    path = run / inside
+    if not path.is_file():
+        raise StageError(f"{path} is missing, though the notebook recorded it; run it again with `geokalman build`.")
+    return path
+
+
+def _line(text: str) -> str:
+    return " ".join(str(text).split())
