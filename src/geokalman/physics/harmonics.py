@@ -1,19 +1,38 @@
-"""Spherical harmonics of the Earth's gravity field: the field itself, its spectrum, its geoid."""
+"""Spherical harmonics of the Earth's gravity field: the field itself, its spectrum, its smoothing, its geoid."""
 
 from __future__ import annotations
 
+import math
 import os
 import zipfile
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from geokalman import files
-from geokalman.physics.field import GravityField
+from geokalman.constants import R_MEAN_EARTH
+from geokalman.physics.field import Array, GravityField
 from geokalman.physics.icgem import read_gfc
+from geokalman.physics.sphere import area_rms, cell_centred_grid, legendre, synthesis, synthesis_points
 
-__all__ = ["GravityField", "load_field"]
+__all__ = [
+    "GravityField",
+    "area_rms",
+    "cell_centred_grid",
+    "degree_amplitude",
+    "degree_variance",
+    "error_degree_variance",
+    "gaussian_weights",
+    "geoid_difference",
+    "legendre",
+    "load_field",
+    "synthesis",
+    "synthesis_points",
+]
 
 VENDORED = {"EGM96": "egm96.npz", "JGM3": "jgm3.npz"}
+GAUSSIAN_CUT = 1e-7
+"""Weights from the first one below this on are zero: there the recursion has lost its digits."""
 
 
 def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None) -> GravityField:
@@ -46,6 +65,105 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
     else:
         field = read_gfc(text)
     return field if n_max is None else field.truncate(n_max)
+
+
+def degree_variance(C: ArrayLike, S: ArrayLike) -> Array:
+    """Degree variances DV(n) = sum_m (C_nm^2 + S_nm^2), equation (54) of Sharifi et al. (2019).
+
+    Parameters
+    ----------
+    C, S : (..., N+1, N+1) fully normalised coefficients
+
+    Returns
+    -------
+    (..., N+1) float64, dimensionless, index n from 0
+
+    Raises
+    ------
+    ValueError
+        Where C and S have not one shape (..., N+1, N+1).
+    """
+    C, S = np.asarray(C, dtype=float), np.asarray(S, dtype=float)
+    if C.shape != S.shape or C.ndim < 2 or C.shape[-1] != C.shape[-2]:
+        raise ValueError(f"C {C.shape} and S {S.shape} must both be (..., N+1, N+1).")
+    return np.einsum("...nm,...nm->...n", C, C) + np.einsum("...nm,...nm->...n", S, S)
+
+
+def error_degree_variance(dC: ArrayLike, dS: ArrayLike) -> Array:
+    """Degree variances of coefficient errors, sum_m (dC_nm^2 + dS_nm^2): true errors or standard deviations."""
+    return degree_variance(dC, dS)
+
+
+def degree_amplitude(variance: ArrayLike, radius: float) -> Array:
+    """Geoid amplitude of each degree, R sqrt(DV(n)) [m], from degree variances (..., N+1) and R [m]."""
+    return radius * np.sqrt(np.asarray(variance, dtype=float))
+
+
+def gaussian_weights(n_max: int, radius_km: float) -> Array:
+    """Weights W_n of Gaussian smoothing, W_0 = 1, by Jekeli's recursion.
+
+    b = ln 2 / (1 - cos(r / 6371 km)), W_1 = (1 + e^-2b)/(1 - e^-2b) - 1/b, W_(n+1) = -(2n+1)/b W_n + W_(n-1),
+    set to zero from the first weight below 1e-7 on, because the recursion is unstable there.
+
+    Parameters
+    ----------
+    n_max : highest degree
+    radius_km : distance at which the kernel has fallen to one half [km]; 0 is no smoothing
+
+    Returns
+    -------
+    (n_max+1,) float64
+
+    Raises
+    ------
+    ValueError
+        For a radius that is negative, not finite, or longer than half the circumference.
+
+    Source: Jekeli (1981), OSU report 327, equations 59 to 63; Wahr, Molenaar & Bryan (1998), equation 34.
+    """
+    angle = radius_km * 1e3 / R_MEAN_EARTH
+    if not 0.0 <= angle <= math.pi:
+        raise ValueError(f"Gaussian radius {radius_km} km is outside [0, {math.pi * R_MEAN_EARTH / 1e3:.0f}] km.")
+    if angle == 0.0:
+        return np.ones(n_max + 1)
+    b = math.log(2.0) / (2.0 * math.sin(0.5 * angle) ** 2)
+    weights = np.zeros(n_max + 2)
+    weights[0] = 1.0
+    weights[1] = 1.0 / math.tanh(b) - 1.0 / b
+    for n in range(1, n_max):
+        following = weights[n - 1] - (2 * n + 1) / b * weights[n]
+        if following < GAUSSIAN_CUT:
+            break
+        weights[n + 1] = following
+    return weights[: n_max + 1]
+
+
+def geoid_difference(
+    dC: ArrayLike, dS: ArrayLike, radius: float, step_deg: float = 0.5, gauss_km: float = 0.0
+) -> Array:
+    """Geoid height of coefficient differences on a cell-centred global grid, smoothed with a Gaussian.
+
+    dN = R sum_n W_n sum_m (dC_nm cos m lambda + dS_nm sin m lambda) P_nm(sin phi)
+
+    Parameters
+    ----------
+    dC, dS : (N+1, N+1) differences of fully normalised coefficients
+    radius : reference radius R [m]
+    step_deg : size of a cell [deg]
+    gauss_km : Gaussian radius [km]; 0 is no smoothing
+
+    Returns
+    -------
+    (180/step, 360/step) float64 [m]; rows and columns as in `cell_centred_grid`, from the south-west
+
+    Raises
+    ------
+    ValueError
+        As `cell_centred_grid`, `gaussian_weights` and `synthesis` do.
+    """
+    dC, dS = np.asarray(dC, dtype=float), np.asarray(dS, dtype=float)
+    lat, lon = cell_centred_grid(step_deg)
+    return radius * synthesis(dC, dS, lat, lon, weights=gaussian_weights(dC.shape[0] - 1, gauss_km))
 
 
 def _read_npz(path: os.PathLike) -> GravityField:

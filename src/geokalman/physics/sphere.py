@@ -40,20 +40,31 @@ def cell_centred_grid(step_deg: float) -> tuple[Array, Array]:
     return (np.arange(rows) + 0.5 - rows / 2) * step, (np.arange(2 * rows) + 0.5) * step
 
 
-def area_rms(grid: ArrayLike, lat: ArrayLike) -> float:
-    """Area-weighted root mean square of a cell-centred grid, sqrt(sum g^2 cos(phi) / sum cos(phi)).
+def area_rms(grid: ArrayLike, lat: ArrayLike | None = None) -> float:
+    """Area-weighted root mean square of a global grid, sqrt(sum g^2 cos(phi) / sum cos(phi)).
 
     Parameters
     ----------
     grid : (n_lat, n_lon), any unit
-    lat : (n_lat,) [rad]
+    lat : (n_lat,) [rad]; None for the rows of `cell_centred_grid`
 
     Returns
     -------
     float, the unit of the grid
+
+    Raises
+    ------
+    ValueError
+        Where grid and lat do not fit.
     """
-    weight = np.cos(np.asarray(lat, dtype=float))
-    square = np.mean(np.square(np.asarray(grid, dtype=float)), axis=1)
+    grid = np.asarray(grid, dtype=float)
+    if grid.ndim != 2:
+        raise ValueError(f"A grid has shape (n_lat, n_lon), not {grid.shape}.")
+    lat = cell_centred_grid(180.0 / grid.shape[0])[0] if lat is None else np.asarray(lat, dtype=float)
+    if lat.shape != grid.shape[:1]:
+        raise ValueError(f"{lat.size} latitudes do not fit a grid of {grid.shape[0]} rows.")
+    weight = np.cos(lat)
+    square = np.mean(np.square(grid), axis=1)
     return float(np.sqrt(weight @ square / weight.sum()))
 
 
