@@ -50,7 +50,7 @@ _CLAIMS = """
 """
 _INDEX = """# A toy book
 
-The UKF and the geoid are named here so that the search finds them. See {numref}`fig-toy-wave`, {numref}`tab-toy-rms`, {eq}`toy-sum`,
+The UKF and the geoid are named here so that the search finds them. See {numref}`wave`, {numref}`rms`, {eq}`toy-sum`,
 and {cite:t}`sharifi2019`; inline $\\sigma_r$.
 
 $$

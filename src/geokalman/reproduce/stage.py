@@ -182,13 +182,9 @@ def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path)
     return None
 
 
-def label(kind: str, page: str, name: str) -> str:
-    """Label by which pages refer to a figure (`kind` fig) or table (tab): `<kind>-<paper>-<name>`.
-
-    Each notebook has a table `verdicts` of its own; its label carries the notebook's name too.
-    """
-    paper, notebook = page.split("/", 1)
-    return f"{kind}-{paper}-{notebook}-{name}" if name == "verdicts" else f"{kind}-{paper}-{name}"
+def label(page: str, name: str) -> str:
+    """Label by which pages refer to a figure or table: its name; the table `verdicts`, one a notebook, adds the page's."""
+    return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
 
 
 def _figure(page: str, record: dict, run: Path, files: Path) -> str:
@@ -196,7 +192,7 @@ def _figure(page: str, record: dict, run: Path, files: Path) -> str:
         source = _part(run, record["files"][theme])
         _copy(source, files / source.name)
     return (
-        f"```{{figure}} {files.name}/{record['name']}.light.png\n:name: {label('fig', page, record['name'])}\n"
+        f"```{{figure}} {files.name}/{record['name']}.light.png\n:name: {label(page, record['name'])}\n"
         f":alt: {_line(record['alt'])}\n:width: {record['width']}px\n\n"
         f"{_line(record['caption'])}\n{_data_link(record, run, files)}```"
     )
@@ -206,7 +202,7 @@ def _table(page: str, record: dict, run: Path, files: Path) -> str:
     rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
     rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
     body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
-    head = f"```{{table}} {_line(record['caption'])}\n:name: {label('tab', page, record['name'])}\n\n"
+    head = f"```{{table}} {_line(record['caption'])}\n:name: {label(page, record['name'])}\n\n"
     return f"{head}{body}\n```\n{_data_link(record, run, files)}"
 
 

@@ -1,0 +1,67 @@
+# Every target sets up the environment that it needs. `make` alone lists them.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+ENV := $(PYTHON) tools/environment.py --venv $(VENV)
+UV ?= uv
+JOBS ?= 2
+# One thread for each worker: two workers with two threads each only get into each other's way.
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+
+NB ?=
+P ?=
+QUICK ?=
+OUT ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help env book test check reference run notebooks lab bench coverage lock clean
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+
+env: ## the environment in .venv, as environment.txt says
+	@$(ENV)
+
+book: env ## all notebooks at the papers' scale, and the book: book/_build/html/index.html
+	@$(BIN)/geokalman build
+
+test: ## the whole suite, quick notebooks included
+	@$(ENV) test
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(PYTEST)
+
+check: ## paper-scale results against stored references and claims; the built book in a browser
+	@$(ENV) test
+	$(BIN)/geokalman check
+	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m browser tests/book
+
+reference: env ## renew the stored references and print what changed
+	@$(BIN)/geokalman reference
+
+run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
+	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }
+	@$(BIN)/geokalman run $(NB) $(P) $(if $(QUICK),--quick) $(if $(OUT),--out "$(OUT)")
+
+notebooks: env ## plain .ipynb twins of the notebooks, for Jupyter and papermill
+	@$(BIN)/geokalman notebooks
+
+lab: ## the notebooks in JupyterLab
+	@$(ENV) lab
+	@$(BIN)/geokalman notebooks
+	$(BIN)/jupyter lab book
+
+bench: ## speed, beside the peers; never a gate
+	@$(ENV) test
+	$(BIN)/python -m pytest tests/benchmarks -o python_files='bench_*.py' -s
+
+coverage: ## how much of src the tests execute, with compilation off
+	@$(ENV) test
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+
+lock: ## compile the locks anew from environment*.in (needs uv)
+	sh tools/lock.sh $(UV)
+
+clean: ## remove what was built (the environment stays)
+	rm -rf book/_build runs .cache build dist .pytest_cache .hypothesis htmlcov .coverage*
+	find book -name '*.ipynb' -delete
+	find src tests book tools -name __pycache__ -type d -exec rm -rf {} +
