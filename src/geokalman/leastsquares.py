@@ -1,0 +1,370 @@
+"""Normal equations: accumulated by blocks, with many right-hand sides; scaled, factored, solved.
+
+Observations A x = y + e with weights W give N x = b, N = A^T W A, b = A^T W y. Only the lower triangle of N is kept, in
+Fortran order, and BLAS adds to it in place: memory is N and one block of rows. Rows with correlated errors are whitened
+by the caller (divide them by the Cholesky factor of their covariance) before they are added.
+
+Arcs are independent: partial normal equations add up, in one process or in many (`sum_normals`). One process with a
+threaded BLAS is the faster way on one machine, because no matrix has to travel.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import blas, lapack
+from scipy.sparse.linalg import LinearOperator, eigsh
+
+Array = NDArray[np.float64]
+Arc = TypeVar("Arc")
+
+_ROWS_WEIGHTED = 512  # rows of a weighted block that are scaled at a time: their copy stays small
+_TILE = 512  # tile of the transposition that fills the other triangle
+_NAMED = 8  # undetermined unknowns that an error lists by name
+_DENSE = 64  # up to here all eigenvalues are cheaper than a Lanczos iteration
+
+
+class SingularNormalMatrix(ValueError):
+    """The observations do not determine all unknowns; the message names those that they leave open."""
+
+
+class NormalEquations:
+    """Normal equations of n unknowns and q right-hand sides, to which blocks of observations are added.
+
+    Parameters
+    ----------
+    n : number of unknowns
+    q : number of right-hand sides
+    names : (n,) names of the unknowns for error messages; None for x[0], x[1], ...
+
+    Attributes
+    ----------
+    matrix : (n, n) float64, Fortran order, N in the lower triangle; the strict upper one is zero
+    rhs : (n, q) float64, b = A^T W y
+    squares : (q,) float64, y^T W y
+    observations : number of rows of non-zero weight so far
+    """
+
+    def __init__(self, n: int, q: int = 1, names: Sequence[str] | None = None) -> None:
+        if n < 1 or q < 1:
+            raise ValueError(f"Normal equations need at least 1 unknown and 1 right-hand side, not {n} and {q}.")
+        if names is not None and len(names) != n:
+            raise ValueError(f"{len(names)} names for {n} unknowns.")
+        self.n, self.q = n, q
+        self.names = None if names is None else tuple(names)
+        self.matrix: Array = np.zeros((n, n), order="F")
+        self.rhs: Array = np.zeros((n, q), order="F")
+        self.squares: Array = np.zeros(q)
+        self.observations = 0
+
+    def add(self, block: ArrayLike, rhs: ArrayLike, weights: ArrayLike | None = None) -> None:
+        """Add observations: N += A^T W A, b += A^T W y.
+
+        Parameters
+        ----------
+        block : (k, n) rows A of the design matrix; C or Fortran order, used where it is
+        rhs : (k, q), or (k,) where q is 1, observed minus computed values y
+        weights : scalar or (k,), not negative: one over the variance of each row; None for 1
+
+        Raises
+        ------
+        ValueError
+            For shapes that do not fit, values that are not finite (naming the row), a negative weight.
+        """
+        A, y, w = self._checked(block, rhs, weights)
+        if w is None:
+            self._accumulate(A, y)
+            self.observations += A.shape[0]
+            return
+        root = np.sqrt(w)[:, None]
+        for start in range(0, A.shape[0], _ROWS_WEIGHTED):
+            rows = slice(start, start + _ROWS_WEIGHTED)
+            self._accumulate(root[rows] * A[rows], root[rows] * y[rows])
+        self.observations += int(np.count_nonzero(w))
+
+    def regularise(self, weights: ArrayLike, prior: ArrayLike = 0.0) -> None:
+        """Observe the unknowns themselves: x = prior with `weights`, N += diag(w), b += w prior.
+
+        Parameters
+        ----------
+        weights : scalar or (n,), not negative; an unknown of weight 0 is not observed
+        prior : scalar, (n,) or (n, q) values
+
+        Raises
+        ------
+        ValueError
+            For shapes that do not fit, a weight that is negative or not finite, a prior that is not finite.
+        """
+        w = _weights(weights, self.n, "one per unknown")
+        prior = np.asarray(prior, dtype=float)
+        prior = np.broadcast_to(prior[:, None] if prior.ndim == 1 else prior, (self.n, self.q))
+        if not np.all(np.isfinite(prior)):
+            raise ValueError(f"The prior of {self._name(int(np.argwhere(~np.isfinite(prior))[0][0]))} is not finite.")
+        self.matrix.ravel(order="K")[:: self.n + 1] += w
+        self.rhs += w[:, None] * prior
+        self.squares += np.einsum("n,nq,nq->q", w, prior, prior)
+        self.observations += int(np.count_nonzero(w))
+
+    def __iadd__(self, other: NormalEquations) -> NormalEquations:
+        if (self.n, self.q, self.names) != (other.n, other.q, other.names):
+            raise ValueError(
+                f"Normal equations of {self.n} unknowns and {self.q} right-hand sides do not add to those of {other.n} "
+                f"and {other.q}, or their unknowns have other names."
+            )
+        self.matrix += other.matrix
+        self.rhs += other.rhs
+        self.squares += other.squares
+        self.observations += other.observations
+        return self
+
+    def __add__(self, other: NormalEquations) -> NormalEquations:
+        total = NormalEquations(self.n, self.q, self.names)
+        total += self
+        total += other
+        return total
+
+    def full_matrix(self) -> Array:
+        """N with both triangles, a copy (n, n)."""
+        return self.matrix + np.tril(self.matrix, -1).T
+
+    def factor(self, overwrite: bool = False) -> Solution:
+        """Scale N to unit diagonal, factor it by Cholesky and solve for all right-hand sides.
+
+        Parameters
+        ----------
+        overwrite : let the factor take the memory of N; this object is then of no further use
+
+        Returns
+        -------
+        Solution
+
+        Raises
+        ------
+        ValueError
+            Where there are fewer observations than unknowns.
+        SingularNormalMatrix
+            Where the observations do not determine all unknowns: a pivot of the scaled matrix, which is the part of an
+            unknown's information that no other unknown explains, is below n eps. The message names the unknowns.
+        """
+        if self.observations < self.n:
+            raise ValueError(
+                f"{self.n} unknowns need at least {self.n} observations; only {self.observations} were added."
+            )
+        diagonal = self.matrix.diagonal().copy()
+        if not np.all(diagonal > 0.0):
+            unseen = self._list(np.flatnonzero(~(diagonal > 0.0)))
+            raise SingularNormalMatrix(f"No observation depends on {unseen}.")
+        matrix = self.matrix if overwrite else self.matrix.copy(order="F")
+        if overwrite:
+            del self.matrix
+        scale = 1.0 / np.sqrt(diagonal)
+        matrix *= scale
+        matrix *= scale[:, None]
+        np.fill_diagonal(matrix, 1.0)
+        _mirror(matrix)
+        matrix, info = lapack.dpotrf(matrix, lower=1, clean=0, overwrite_a=1)
+        if info > 0 or matrix.diagonal().min() ** 2 < self.n * np.finfo(float).eps:
+            np.fill_diagonal(matrix, 1.0)  # the strict upper triangle still holds the scaled matrix
+            open_ = self._list(_undetermined(matrix))
+            raise SingularNormalMatrix(f"The observations leave undetermined, or cannot tell from one another, {open_}.")
+        return Solution(matrix, scale, self.rhs, self.squares, self.observations)
+
+    def _accumulate(self, A: Array, y: Array) -> None:
+        if A.flags.f_contiguous:
+            blas.dsyrk(1.0, A, beta=1.0, c=self.matrix, trans=1, lower=1, overwrite_c=1)
+            blas.dgemm(1.0, A, y, beta=1.0, c=self.rhs, trans_a=1, overwrite_c=1)
+        else:
+            A = np.ascontiguousarray(A)  # its transpose is Fortran-ordered: BLAS takes it as it is
+            blas.dsyrk(1.0, A.T, beta=1.0, c=self.matrix, trans=0, lower=1, overwrite_c=1)
+            blas.dgemm(1.0, A.T, y, beta=1.0, c=self.rhs, overwrite_c=1)
+        self.squares += np.einsum("kq,kq->q", y, y)
+
+    def _checked(
+        self, block: ArrayLike, rhs: ArrayLike, weights: ArrayLike | None
+    ) -> tuple[Array, Array, Array | None]:
+        A, y = np.asarray(block, dtype=np.float64), np.asarray(rhs, dtype=np.float64)
+        y = y[:, None] if y.ndim == 1 else y
+        if A.ndim != 2 or A.shape[1] != self.n:
+            raise ValueError(f"A block of observations has shape {A.shape}; (k, {self.n}) is right.")
+        if y.shape != (A.shape[0], self.q):
+            raise ValueError(f"Right-hand sides have shape {y.shape}; ({A.shape[0]}, {self.q}) is right.")
+        for values, what in ((A, "design matrix"), (y, "right-hand side")):
+            if not np.isfinite(values.sum()):
+                row = int(np.argmin(np.isfinite(values).all(axis=1)))
+                raise ValueError(f"Row {row} of the {what} of a block is not finite.")
+        return A, y, None if weights is None else _weights(weights, A.shape[0], "one per row")
+
+    def _name(self, index: int) -> str:
+        return f"x[{index}]" if self.names is None else self.names[index]
+
+    def _list(self, indices: NDArray[np.int64]) -> str:
+        listed = ", ".join(self._name(int(i)) for i in indices[:_NAMED])
+        more = f" and {indices.size - _NAMED} more" if indices.size > _NAMED else ""
+        return f"{indices.size} of {self.n} unknowns: {listed}{more}"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Solved normal equations: estimates of all right-hand sides, and what the factor tells about their accuracy.
+
+    The scaled matrix D N D = L L^T, D = diag(N)^(-1/2), has L in the lower triangle of `factor` and itself in the strict
+    upper one. `estimate` (n, q) is the solution of N x = b.
+    """
+
+    factor: Array = field(repr=False)
+    scale: Array = field(repr=False)
+    rhs: Array = field(repr=False)
+    squares: Array = field(repr=False)
+    observations: int
+    estimate: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "estimate", self.solve(self.rhs))
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns n."""
+        return self.scale.size
+
+    def solve(self, rhs: ArrayLike) -> Array:
+        """x of N x = rhs, (n,) or (n, q)."""
+        rhs = np.asarray(rhs, dtype=np.float64)
+        scale = self.scale if rhs.ndim == 1 else self.scale[:, None]
+        x, _ = lapack.dpotrs(self.factor, scale * rhs, lower=1)
+        return scale * x
+
+    @property
+    def residual_sum_of_squares(self) -> Array:
+        """v^T W v = y^T W y - x^T b of each right-hand side (q,); below about 1e-13 y^T W y it is rounding, at least 0."""
+        return np.maximum(self.squares - np.einsum("nq,nq->q", self.estimate, self.rhs), 0.0)
+
+    @property
+    def variance_factor(self) -> Array:
+        """A-posteriori variance of unit weight, v^T W v / (observations - unknowns), (q,).
+
+        Raises ValueError where there is no redundancy.
+        """
+        if self.observations == self.unknowns:
+            raise ValueError(f"{self.observations} observations of as many unknowns leave no redundancy for a variance.")
+        return self.residual_sum_of_squares / (self.observations - self.unknowns)
+
+    def covariance(self) -> Array:
+        """N^-1 (n, n), the covariance of the unknowns for unit weight 1; times the variance factor for the fitted one."""
+        inverse, _ = lapack.dpotri(self.factor, lower=1)
+        _mirror(inverse)
+        inverse *= self.scale
+        inverse *= self.scale[:, None]
+        return inverse
+
+    def variances(self) -> Array:
+        """Diagonal of N^-1 (n,), without the rest of it."""
+        inverse, _ = lapack.dtrtri(self.factor, lower=1)
+        return np.square(self.scale) * np.array([inverse[k:, k] @ inverse[k:, k] for k in range(self.unknowns)])
+
+    def condition(self) -> float:
+        """Condition of the scaled matrix, the ratio of its extreme eigenvalues (Lanczos, relative accuracy 1e-6)."""
+        n = self.unknowns
+        if n <= _DENSE:
+            full = np.triu(self.factor, 1)
+            values = np.linalg.eigvalsh(full + full.T + np.eye(n))
+            return float(values[-1] / values[0])
+        excess = 1.0 - self.factor.diagonal()  # the diagonal belongs to L, that of the scaled matrix is 1
+        product = LinearOperator((n, n), lambda x: blas.dsymv(1.0, self.factor, x, lower=0) + excess * x.ravel())
+        inverse = LinearOperator((n, n), lambda x: lapack.dpotrs(self.factor, x, lower=1)[0])
+        start = np.random.default_rng(0).standard_normal(n)  # a fixed start: the same number every time
+        largest, reciprocal = (
+            eigsh(operator, k=1, which="LA", v0=start, tol=1e-6, return_eigenvectors=False)[0]
+            for operator in (product, inverse)
+        )
+        return float(largest * reciprocal)
+
+
+def sum_normals(
+    build: Callable[[Arc], NormalEquations],
+    arcs: Iterable[Arc],
+    executor: Executor | None = None,
+    at_once: int | None = None,
+) -> NormalEquations:
+    """Sum of the normal equations of arcs, built here or by the workers of an executor, always added in the order of arcs.
+
+    Parameters
+    ----------
+    build : function of one arc; for a process pool at the top level of a module
+    arcs : what `build` is called with
+    executor : any `concurrent.futures.Executor`, e.g. a process pool or `dask.distributed.Client(...).get_executor()`
+    at_once : arcs under way at a time, which bounds memory; None for the number of processors
+
+    Returns
+    -------
+    NormalEquations
+
+    Raises
+    ------
+    ValueError
+        Where there is no arc; and whatever `build` raises.
+    """
+    total: NormalEquations | None = None
+    for part in map(build, arcs) if executor is None else _in_order(build, arcs, executor, at_once or os.cpu_count() or 1):
+        if total is None:
+            total = part
+        else:
+            total += part
+    if total is None:
+        raise ValueError("There is no arc to sum normal equations of.")
+    return total
+
+
+def _in_order(
+    build: Callable[[Arc], NormalEquations], arcs: Iterable[Arc], executor: Executor, at_once: int
+) -> Iterable[NormalEquations]:
+    todo = iter(arcs)
+    waiting: deque[Future] = deque(executor.submit(build, arc) for arc in itertools.islice(todo, at_once))
+    try:
+        while waiting:
+            part = waiting.popleft().result()
+            waiting.extend(executor.submit(build, arc) for arc in itertools.islice(todo, 1))
+            yield part
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _weights(weights: ArrayLike, size: int, right: str) -> Array:
+    w = np.asarray(weights, dtype=float)
+    if w.ndim > 1 or (w.ndim == 1 and w.size != size):
+        raise ValueError(f"weights has shape {w.shape}; a scalar or ({size},), {right}, is right.")
+    w = np.broadcast_to(w, size)
+    bad = ~(np.isfinite(w) & (w >= 0.0))
+    if bad.any():
+        raise ValueError(f"weights[{int(np.argmax(bad))}] = {w[bad][0]} must be finite and not negative.")
+    return w
+
+
+def _mirror(matrix: Array) -> None:
+    """Copy the strict lower triangle to the upper one, tile by tile."""
+    n = matrix.shape[0]
+    for i in range(0, n, _TILE):
+        rows = slice(i, i + _TILE)
+        corner = np.tril(matrix[rows, rows], -1)
+        matrix[rows, rows] = np.tril(matrix[rows, rows]) + corner.T
+        for j in range(i + _TILE, n, _TILE):
+            matrix[rows, j : j + _TILE] = matrix[j : j + _TILE, rows].T
+
+
+def _undetermined(matrix: Array) -> NDArray[np.int64]:
+    """Indices of the unknowns in the null space of a scaled normal matrix (upper triangle, unit diagonal; destroyed)."""
+    n = matrix.shape[0]
+    factor, pivots, rank, _ = lapack.dpstrf(matrix, tol=n * np.finfo(float).eps, lower=0, overwrite_a=1)
+    rank = min(rank, n - 1)
+    dependent, _ = lapack.dtrtrs(factor[:rank, :rank], factor[:rank, rank:], lower=0)
+    null = np.vstack([-dependent, np.eye(n - rank)])
+    share = np.max(np.abs(null) / np.max(np.abs(null), axis=0), axis=1)
+    return np.sort(pivots[share > 0.1] - 1)
