@@ -1,4 +1,4 @@
-"""Gravity of a spherical-harmonic field at points: potential, acceleration, gradient tensor.
+"""Gravity of a spherical-harmonic field at points: potential and acceleration (the tensor is in `gradient`).
 
 The potential of fully normalised coefficients is
 
@@ -54,19 +54,21 @@ def pack(field: GravityField, n_max: int | None = None) -> np.ndarray:
     n_max : degree and order at which the sum stops (default: all of the field)
     Returns (4 + 3 (n_max+1)(n_max+2)/2,). Raises ValueError for a degree that the field or float64 does not reach.
     """
-    n_max = _checked_degree(field, n_max)
-    return _pack(field.gm, field.radius, field.C[: n_max + 1, : n_max + 1], field.S[: n_max + 1, : n_max + 1])
-
-
-def _pack(gm: float, radius: float, C: np.ndarray, S: np.ndarray) -> np.ndarray:
-    n_max = C.shape[0] - 1
+    n_max = checked_degree(field, n_max)
     m, n = np.triu_indices(n_max + 1)  # order-major: all degrees of order 0, then of order 1, ...
-    beta = np.where(n > m, ((n - 1.0) ** 2 - m**2) / (4.0 * (n - 1.0) ** 2 - 1.0), 0.0)
-    k = monic_factors(n_max)
-    return np.concatenate([[gm, radius, n_max, C[0, 0]], beta, (k * C)[n, m], (k * S)[n, m]])
+    k = monic_factors(n_max)[n, m]
+    header = [field.gm, field.radius, n_max, field.C[0, 0]]
+    return np.concatenate([header, monic_recursion(n_max), k * field.C[n, m], k * field.S[n, m]])
 
 
-def _checked_degree(field: GravityField, n_max: int | None) -> int:
+def monic_recursion(n_max: int) -> np.ndarray:
+    """Coefficients beta_nm of the recursion, order by order: ((n_max+1)(n_max+2)/2,)."""
+    m, n = np.triu_indices(n_max + 1)
+    return np.where(n > m, ((n - 1.0) ** 2 - m**2) / (4.0 * (n - 1.0) ** 2 - 1.0), 0.0)
+
+
+def checked_degree(field: GravityField, n_max: int | None) -> int:
+    """The degree at which a sum stops: n_max, or all of the field for None; ValueError where there is none."""
     top = field.C.shape[0] - 1
     if n_max is None:
         n_max = top
@@ -78,6 +80,7 @@ def _checked_degree(field: GravityField, n_max: int | None) -> int:
 
 
 def checked_points(r: np.ndarray, radius: float) -> np.ndarray:
+    """Positions (..., 3) as a contiguous (k, 3) array; ValueError where one is below the field of that radius."""
     r = np.asarray(r, dtype=float)
     if r.ndim == 0 or r.shape[-1] != 3:
         raise ValueError(f"positions have shape {r.shape}, their last axis must be x, y, z")
