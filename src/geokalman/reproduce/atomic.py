@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from geokalman.reproduce.errors import Fault
 
 _PARTIAL = ".partial-"
 _OLD = ".old-"
+_LEFT = re.compile(r"\.(?P<name>.+)\.(?P<kind>partial|old)-[^.]+")
 
 
 @contextmanager
@@ -88,21 +90,21 @@ def swap_folder(complete: Path, target: Path) -> None:
     shutil.rmtree(old, ignore_errors=True)
 
 
-def sweep(folder: Path) -> None:
-    """Clear what an interrupted process left directly in `folder`: complete old folders come back, partial ones go."""
+def sweep(folder: Path, name: str = "") -> None:
+    """Clear what an interrupted process left directly in `folder` (of the entry `name` alone, where given).
+
+    Complete old folders come back where nothing new stands; partial ones go.
+    """
     if not folder.is_dir():
         return
     for path in sorted(folder.iterdir()):
-        if not path.name.startswith("."):
+        left = _LEFT.fullmatch(path.name)
+        if not left or (name and left["name"] != name):
             continue
-        if _OLD in path.name:
-            target = path.with_name(path.name[1 : path.name.index(_OLD)])
-            if not target.exists():
-                path.rename(target)
-                continue
-        elif _PARTIAL not in path.name:
-            continue
-        if path.is_dir():
+        target = path.with_name(left["name"])
+        if f".{left['kind']}-" == _OLD and not target.exists():
+            path.rename(target)
+        elif path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)

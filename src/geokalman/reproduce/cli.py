@@ -74,33 +74,68 @@ def run(
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
     from geokalman.reproduce import execute, parameters
+    from geokalman.reproduce.progress import Display
 
     root = _root()
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
     folder = out if out is not None else execute.default_out(root, notebook, given, quick)
-    start = time.perf_counter()
-    with _status(notebook) as progress:
-        folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
-    sys.stderr.write(f"{notebook} took {time.perf_counter() - start:.1f} s\n")
+    with Display() as display, display.notebook(notebook) as progress:
+        try:
+            folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
+        except KeyboardInterrupt:
+            execute.stop_all()
+            raise
     print(folder)
 
 
-class _status:
-    """Cell k of n and the seconds on a terminal's standard error; silent elsewhere."""
+@app.command()
+def claims(
+    paper: Annotated[str | None, typer.Argument(help="A paper (default: all).")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON, a list of claims.")] = False,
+    readme: Annotated[bool, typer.Option("--readme", help="Write the summary into README.md.")] = False,
+) -> None:
+    """The ledger: what each paper prints, our number, and the verdict."""
+    from geokalman.reproduce import atomic, claims
 
-    def __init__(self, name: str) -> None:
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    root = _root()
+    if readme:
+        atomic.write_text(root / "README.md", claims.readme_with_block(root))
+    wanted = [paper] if paper else claims.papers(root)
+    if as_json:
+        print(json.dumps([entry for p in wanted for entry in claims.as_json(root, p)], indent=1, ensure_ascii=False))
+        return
+    from rich.table import Table
 
-        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("cell {task.completed} of {task.total}"), TimeElapsedColumn()
-        self._progress = Progress(*columns, console=_console(stderr=True), transient=True, disable=not sys.stderr.isatty())
-        self._task = self._progress.add_task(name, total=None)
+    for name in wanted:
+        table = Table(*claims.HEADER, title=claims.paper_title(root, name), title_justify="left", padding=(0, 1))
+        for judgement in claims.judge_paper(root, name):
+            moved = "" if judgement.as_expected else f" (expected {judgement.claim.verdict})"
+            row = claims.row(judgement)
+            row[5] += moved
+            table.add_row(*map(_plain, row))
+        _console().print(table)
 
-    def __enter__(self):
-        self._progress.start()
-        return lambda k, n: self._progress.update(self._task, completed=k, total=n)
 
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+@app.command()
+def build(
+    workers: Annotated[int, typer.Option(min=1, help="Notebooks executed at a time.")] = 2,
+    html: Annotated[bool, typer.Option(help="Make the pages too.")] = True,
+) -> None:
+    """Execute what changed, at paper scale, and make the book."""
+    from geokalman.reproduce import graph
+
+    start = time.perf_counter()
+    outcome = graph.build(_root(), workers, html)
+    sys.stderr.write(
+        f"{len(outcome.executed)} executed, {len(outcome.fresh)} up to date, {len(outcome.failed)} failed, "
+        f"{time.perf_counter() - start:.1f} s\n"
+    )
+    for message in outcome.failed:
+        sys.stderr.write(f"{message}\n")
+    if outcome.failed:
+        raise typer.Exit(1)
+    if outcome.book:
+        print(outcome.book / "index.html")
 
 
 def _console(stderr: bool = False):
@@ -118,21 +153,21 @@ def _plain(text: str) -> str:
 def main() -> None:
     """Entry point of the command `geokalman`: faults are one sentence on standard error and an exit code."""
     try:
-        app(standalone_mode=False)
+        code = app(standalone_mode=False)  # gives the code of typer.Exit
     except (Fault, files.ProjectNotFound, files.CorruptedData) as error:
         _leave(str(error), getattr(error, "exit_code", 1))
-    except KeyboardInterrupt:
-        _leave("interrupted; what was finished stays", 130)
+    except (KeyboardInterrupt, typer.Abort):
+        _leave("interrupted; what was finished stays.", 130)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
-    except typer.Exit as leave:
-        sys.exit(leave.exit_code)
     except Exception as error:
         usage = getattr(error, "format_message", None)  # what click knows about wrong usage
         if usage is None:
             raise
-        _leave(f"{usage()} (geokalman --help lists the commands)", 2)
+        text = usage()
+        _leave(text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2)
+    sys.exit(code or 0)
 
 
 def _leave(message: str, code: int) -> None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import os
 import re
 import shutil
+import signal
 import sys
 import tempfile
 import time
+import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from filelock import FileLock
+
+from geokalman.files import sha256
 from geokalman.reproduce import atomic, notebooks, parameters
 from geokalman.reproduce.errors import Fault, Misuse
 
@@ -23,6 +30,8 @@ RUN_FILES = ("notebook.ipynb", "metrics.json", "arrays.npz", "provenance.json")
 """What every run folder holds; `figures/` and `tables/` stand beside where the notebook shows some."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
+_kernels: weakref.WeakSet[Any] = weakref.WeakSet()
+_working: set[Path] = set()
 Progress = Callable[[int, int], None]
 """Called with (cell now running, number of code cells)."""
 
@@ -38,7 +47,7 @@ class ExecutionFailed(Fault):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, extra: Mapping[str, Any] | None = None,
+    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
@@ -46,7 +55,7 @@ def run(
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
     threads   threads of the numerical libraries (default: all processors)
-    extra     entries added to provenance.json
+    key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
     """
@@ -59,10 +68,24 @@ def run(
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
+        locks = root / ".cache" / "locks"
+        locks.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
+    with lock:  # one writer of `out`, so that what another left unfinished there can be cleared
+        return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
+
+
+def _run_alone(
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool, threads: int,
+    progress: Progress | None, key: str,
+) -> Path:  # fmt: skip
+    with atomic.explained(out):
+        atomic.sweep(out.parent, out.name)
         work = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    _working.add(work)
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, threads or os.cpu_count() or 1, progress)
+        executed = _execute(source, name, values, root, record, work, threads, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -71,18 +94,31 @@ def run(
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         _write_notebook(record / "notebook.ipynb", executed)
-        if extra:
-            provenance = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
-            atomic.write_json(record / "provenance.json", provenance | dict(extra))
         if page:
             from geokalman.reproduce import page as pages
 
             atomic.write_text(record / "page.html", pages.render(executed, root, name))
+        told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+        made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
+        told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
+        atomic.write_json(record / "provenance.json", told)
         atomic.swap_folder(record, out)
         failed.unlink(missing_ok=True)
     finally:
         shutil.rmtree(work, ignore_errors=True)
+        _working.discard(work)
     return out
+
+
+def stop_all(patience: float = 10.0) -> None:
+    """Kill the kernels that this process started, and wait up to `patience` seconds for their half-made folders to go."""
+    for kernel in list(_kernels):
+        if kernel.provisioner is not None and kernel.provisioner.pid:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(kernel.provisioner.pid, signal.SIGKILL)
+    end = time.monotonic() + patience
+    while _working and time.monotonic() < end:
+        time.sleep(0.05)
 
 
 def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
@@ -135,6 +171,10 @@ def _execute(
 
         def _connection_file_default(self) -> str:
             return str(work / "kernel.json")
+
+        def __init__(self, **kwargs: Any) -> None:
+            super().__init__(**kwargs)
+            _kernels.add(self)
 
     index = {id_: k for k, id_ in enumerate(c["id"] for c in source.cells if c.cell_type == "code")}
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from geokalman.reproduce import notebooks
+from geokalman.reproduce import notebooks, yamltext
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -191,36 +191,15 @@ class Specification(BaseModel):
 
 
 def _parse_value(text: str, parameter: Parameter) -> Any:
-    import yaml
-
     try:
-        value = yaml.load(text, Loader=_loader())
-    except yaml.YAMLError as error:
+        value = yamltext.parse(text)
+    except ValueError as error:
         if parameter.kind == "str" and not parameter.many:
             return text
         raise Misuse(f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}.") from error
     if parameter.kind == "str" and not parameter.many and not isinstance(value, str):
         return None if value is None and parameter.optional else text
     return value
-
-
-def _loader() -> type:
-    """YAML 1.2's reading of plain scalars: `1e-12` is a number, `no` and `12:30` are text."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        yaml_implicit_resolvers: dict = {}
-
-    for tag, pattern, first in (
-        ("bool", r"^(?:true|True|TRUE|false|False|FALSE)$", "tTfF"),
-        ("null", r"^(?:~|null|Null|NULL|None|)$", ["~", "n", "N", ""]),
-        ("int", r"^[-+]?[0-9]+$", "-+0123456789"),
-        ("float", r"^[-+]?(?:\.?inf|(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)$|^\.?nan$", "-+.0123456789in"),
-    ):
-        Loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(pattern), list(first))
-    Loader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: int(node.value))
-    Loader.add_constructor("tag:yaml.org,2002:float", lambda loader, node: float(re.sub(r"\.(?=inf|nan)", "", node.value)))
-    return Loader
 
 
 def load(root: Path, name: str) -> Specification:

@@ -200,9 +200,9 @@ class Notebook:
 
     def verdicts(self) -> None:
         """Show the claims that this notebook's numbers decide; with other parameters than the paper's nothing is judged."""
-        from geokalman.reproduce import verdicts
+        from geokalman.reproduce import claims
 
-        header, rows, caption = verdicts.of_notebook(self._root, self.name, self._metrics, judge=self.mode == "paper")
+        header, rows, caption = claims.of_notebook(self._root, self.name, self._metrics, judge=self.mode == "paper")
         if rows:
             self.table("verdicts", header, rows, caption)
 

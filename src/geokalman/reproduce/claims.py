@@ -1,0 +1,338 @@
+"""The ledger of a paper: every claim it prints, held against the recorded numbers, with a computed verdict."""
+
+from __future__ import annotations
+
+import json
+import operator
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from geokalman.reproduce import display, yamltext
+from geokalman.reproduce.errors import Fault, Misuse
+
+Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
+VERDICTS: tuple[Verdict, ...] = ("reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable")
+_OPERATORS: dict[str, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+_METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.]+$"
+MetricName = Annotated[str, Field(pattern=_METRIC)]
+Metrics = Mapping[str, Mapping[str, Any]]
+"""Recorded numbers of one notebook: key -> {value, unit}."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Accept(_Strict):
+    """How far ours may be from the paper's: relative, absolute, by a factor, or in a range of its own."""
+
+    rel: float | None = Field(default=None, ge=0)
+    abs: float | None = Field(default=None, ge=0)
+    factor: float | None = Field(default=None, ge=1)
+    range: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Accept:
+        if len(self.model_fields_set) != 1:
+            raise ValueError("accept wants exactly one of rel, abs, factor, range")
+        if self.range and self.range[0] > self.range[1]:
+            raise ValueError(f"the range {list(self.range)} is empty")
+        return self
+
+    def holds(self, ours: float, printed: float | None) -> bool:
+        """Is `ours` within tolerance of `printed`?"""
+        if self.range is not None:
+            return self.range[0] <= ours <= self.range[1]
+        assert printed is not None
+        if self.factor is not None:
+            return ours * printed > 0 and 1 / self.factor <= ours / printed <= self.factor
+        return abs(ours - printed) <= (self.abs if self.abs is not None else self.rel * abs(printed))  # type: ignore[operator]
+
+    def __str__(self) -> str:
+        if self.range is not None:
+            return f"accepted {display.number(self.range[0])} to {display.number(self.range[1])}"
+        if self.factor is not None:
+            return f"accepted within a factor {self.factor:g}"
+        return f"accepted ±{self.rel * 100:g} %" if self.rel is not None else f"accepted ±{display.number(self.abs)}"  # type: ignore[arg-type]
+
+
+class Compare(_Strict):
+    """left op factor * right."""
+
+    left: MetricName
+    op: Literal["<", "<=", ">", ">="]
+    right: MetricName | float
+    factor: float = 1.0
+
+
+class Claim(_Strict):
+    """One number or statement of the paper, how we read it, which recorded number decides it, and the expected verdict."""
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")
+    where: str
+    says: str
+    printed: float | str | None = None
+    reads: float | None = None
+    because: str | None = None
+    unit: str = ""
+    metric: MetricName | None = None
+    compare: tuple[Compare, ...] = ()
+    accept: Accept | None = None
+    assumes: str | None = None
+    calibrated: str | None = None
+    reason: str | None = None
+    verdict: Verdict
+
+    @model_validator(mode="before")
+    @classmethod
+    def _listed(cls, data: Any) -> Any:
+        if isinstance(data, dict) and isinstance(data.get("compare"), dict):
+            return data | {"compare": [data["compare"]]}
+        return data
+
+    @model_validator(mode="after")
+    def _coherent(self) -> Claim:
+        if self.metric and self.compare:
+            raise ValueError("a claim has a metric or a compare, not both")
+        if (self.reads is None) != (self.because is None):
+            raise ValueError("reads and because go together: why do we read another number than the printed one?")
+        if self.metric and self.accept is None:
+            raise ValueError("a metric needs accept")
+        if self.accept and not self.metric:
+            raise ValueError("accept needs a metric")
+        if self.accept and self.accept.range is None and self.reference is None:
+            raise ValueError("accept needs a printed (or reads) number to compare with")
+        if not self.metric and not self.compare and not self.reason:
+            raise ValueError("a claim that nothing decides needs a reason")
+        return self
+
+    @property
+    def reference(self) -> float | None:
+        """The paper's number: as we read it, else as printed."""
+        if self.reads is not None:
+            return self.reads
+        return self.printed if isinstance(self.printed, float) else None
+
+    @property
+    def metrics(self) -> list[str]:
+        """Names of the recorded numbers that decide the claim."""
+        sides = [side for c in self.compare for side in (c.left, c.right) if isinstance(side, str)]
+        return [self.metric] if self.metric else sides
+
+
+class Judgement(NamedTuple):
+    """A claim with our number and the verdict it has now (None where a number is not recorded)."""
+
+    claim: Claim
+    ours: float | str | None
+    verdict: Verdict | None
+    why: str
+
+    @property
+    def as_expected(self) -> bool:
+        """Is the verdict the one that the ledger expects?"""
+        return self.verdict == self.claim.verdict
+
+
+def papers(root: Path) -> list[str]:
+    """Papers that have a ledger, sorted."""
+    return sorted(p.parent.name for p in (root / "book").glob("*/claims.yml") if not p.parent.name.startswith("_"))
+
+
+def ledger(root: Path, paper: str) -> list[Claim]:
+    """The claims of a paper; raises Fault with file and claim where an entry is malformed, Misuse for an unknown paper."""
+    path = root / "book" / paper / "claims.yml"
+    if not path.is_file():
+        raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
+    where = f"book/{paper}/claims.yml"
+    try:
+        entries = yamltext.parse(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise Fault(f"{where}, {error}") from error
+    if not isinstance(entries, list):
+        raise Fault(f"{where} holds no list of claims.")
+    claims: dict[str, Claim] = {}
+    for k, entry in enumerate(entries, 1):
+        name = entry.get("id", f"number {k}") if isinstance(entry, dict) else f"number {k}"
+        try:
+            claim = Claim.model_validate(entry)
+        except ValidationError as error:
+            raise Fault(f"{where}, claim {name}: {_explain(error)}.") from error
+        if claim.id in claims:
+            raise Fault(f"{where}, claim {name}: the id is taken by an earlier claim.")
+        claims[claim.id] = claim
+    return list(claims.values())
+
+
+def _explain(error: ValidationError) -> str:
+    found = []
+    for problem in error.errors():
+        place = ".".join(str(p) for p in problem["loc"])
+        text = problem["msg"].removeprefix("Value error, ")
+        found.append(f"{place}: {text}" if place else text)
+    return "; ".join(dict.fromkeys(found))
+
+
+def recorded(root: Path, notebook: str) -> Metrics | None:
+    """Paper-scale numbers of a notebook from the last build, or None where it was not run."""
+    path = root / "book" / "_build" / "metrics" / f"{notebook}.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+
+def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
+    """The verdict of a claim, by the recorded numbers that `metrics(notebook)` gives.
+
+    The most critical word that applies: not-testable, not-reproduced, calibrated, under-interpretation, reproduced.
+    """
+    if not claim.metrics:
+        return Judgement(claim, None, "not-testable", claim.reason or "")
+    values: dict[str, float] = {}
+    for name in claim.metrics:
+        notebook, _, key = name.partition(":")
+        entry = (metrics(notebook) or {}).get(key)
+        if entry is None:
+            return Judgement(claim, None, None, f"{name} is not recorded")
+        if claim.metric and claim.unit and entry["unit"] and claim.unit != entry["unit"]:
+            raise Fault(f"claim {claim.id} is in {claim.unit}, but {name} is recorded in {entry['unit']}; they must agree.")
+        if entry["value"] is None:
+            return Judgement(claim, None, "not-reproduced", f"{name} is not finite")
+        values[name] = entry["value"]
+    if claim.metric:
+        ours: float | str = values[claim.metric]
+        assert claim.accept is not None
+        holds, why = claim.accept.holds(ours, claim.reference), str(claim.accept)
+    else:
+        ours, holds = _compare(claim.compare, values)
+        why = ""
+    if not holds:
+        return Judgement(claim, ours, "not-reproduced", claim.reason or why)
+    if claim.calibrated:
+        return Judgement(claim, ours, "calibrated", claim.calibrated)
+    if claim.assumes:
+        return Judgement(claim, ours, "under-interpretation", claim.assumes)
+    return Judgement(claim, ours, "reproduced", why)
+
+
+def _compare(comparisons: tuple[Compare, ...], values: Mapping[str, float]) -> tuple[str, bool]:
+    texts, all_hold = [], True
+    for c in comparisons:
+        left, right = values[c.left], values[c.right] if isinstance(c.right, str) else c.right
+        holds = _OPERATORS[c.op](left, c.factor * right)
+        factor = f"{c.factor:g} × " if c.factor != 1 else ""
+        texts.append(f"{display.number(left)} {'' if holds else 'not '}{c.op} {factor}{display.number(right)}")
+        all_hold &= holds
+    return "; ".join(texts), all_hold
+
+
+def judge_paper(root: Path, paper: str) -> list[Judgement]:
+    """Verdicts of all claims of a paper, by the numbers of the last build."""
+    known: dict[str, Metrics | None] = {}
+
+    def metrics(notebook: str) -> Metrics | None:
+        if notebook not in known:
+            known[notebook] = recorded(root, notebook)
+        return known[notebook]
+
+    try:
+        return [judge(claim, metrics) for claim in ledger(root, paper)]
+    except Fault as error:
+        raise type(error)(f"{error}" if str(error).startswith("book/") else f"book/{paper}/claims.yml, {error}") from error
+
+
+def decided_by(root: Path, notebook: str) -> list[Claim]:
+    """Claims of the paper's ledger that the numbers of this notebook alone decide."""
+    paper = notebook.partition("/")[0]
+    if paper not in papers(root):
+        return []
+    return [c for c in ledger(root, paper) if c.metrics and all(m.startswith(f"{notebook}:") for m in c.metrics)]
+
+
+# Tables
+
+HEADER = ("Where", "The paper says", "Printed", "Read", "Ours", "Verdict", "Why")
+
+
+def row(judgement: Judgement, judged: bool = True) -> list[str]:
+    claim, ours = judgement.claim, judgement.ours
+    unit = f" {claim.unit}" if claim.unit else ""
+
+    def shown(value: float | str | None) -> str:
+        if value is None:
+            return ""
+        return value if isinstance(value, str) else f"{display.number(value, 6 if value is claim.printed else 4)}{unit}"
+
+    reads = f"{shown(claim.reads)} ({claim.because})" if claim.reads is not None else ""
+    verdict = (judgement.verdict or "not computed") if judged else ""
+    return [claim.where, claim.says, shown(claim.printed), reads, shown(ours), verdict, judgement.why if judged else ""]
+
+
+def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tuple[list[str], list[list[str]], str]:
+    """Header, rows and caption of the table of claims that this notebook decides; no verdicts unless `judge`."""
+    judgements = [_judge(claim, lambda _: metrics) for claim in decided_by(root, notebook)]
+    caption = "What the paper prints, how we read it, our number, and the verdict."
+    if not judge:
+        caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
+    drop = () if judge else ("Verdict", "Why")
+    keep = [k for k, name in enumerate(HEADER) if name not in drop]
+    rows = [row(j, judge) for j in judgements]
+    return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
+
+
+_judge = judge
+
+
+def verdicts_markdown(root: Path, paper: str) -> str:
+    """Markdown table of all claims of a paper with their verdicts."""
+    return display.markdown_table(HEADER, [row(j) for j in judge_paper(root, paper)])
+
+
+def summary_markdown(root: Path, prefix: str = "") -> str:
+    """Markdown table of how many claims of each paper have which verdict; links start at `prefix`."""
+    rows = []
+    for paper in papers(root):
+        counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper))
+        row = [f"[{paper_title(root, paper)}]({prefix}{paper}/index.md)", str(sum(counts.values()))]
+        rows.append(row + [str(counts[v]) for v in VERDICTS] + ([str(counts["not computed"])] if counts["not computed"] else [""]))
+    header = ["Paper", "Claims", *(v.replace("-", " ") for v in VERDICTS), "not computed"]
+    if not any(row[-1] for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
+
+
+def paper_title(root: Path, paper: str) -> str:
+    """First heading of the paper's page, or its name."""
+    page = root / "book" / paper / "index.md"
+    heading = re.search(r"^# +(.+)$", page.read_text(encoding="utf-8"), re.M) if page.is_file() else None
+    return heading[1].strip() if heading else paper
+
+
+def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
+    """The ledger of a paper with our numbers and verdicts, for scripts; `expected` is the verdict of the file."""
+    found = []
+    for claim, ours, verdict, why in judge_paper(root, paper):
+        entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
+        found.append({"paper": paper, **entry, "ours": ours, "expected": claim.verdict, "verdict": verdict, "why": why})
+    return found
+
+
+# README
+
+_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(\n<!-- /verdicts -->)", re.S)
+
+
+def readme_with_block(root: Path) -> str:
+    """The README's text with the block between `<!-- verdicts -->` and `<!-- /verdicts -->` as the ledgers have it now."""
+    text = (root / "README.md").read_text(encoding="utf-8")
+    if not _BLOCK.search(text):
+        raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->, between which the verdicts stand.")
+    return _BLOCK.sub(lambda m: m[1] + summary_markdown(root, "book/") + m[2], text)
+
+
+def readme_agrees(root: Path) -> bool:
+    """Is the README's block what the ledgers say now?"""
+    return readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")

@@ -1,0 +1,238 @@
+"""The book as a task graph (doit): every notebook whose inputs changed is executed, two at a time, then the pages are made.
+
+What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of every
+file of it. A folder appears whole, so a build that was killed resumes, and a damaged result is noticed and made anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from geokalman import files, sources
+from geokalman.reproduce import atomic, claims, execute, notebooks
+from geokalman.reproduce.errors import Fault
+from geokalman.reproduce.progress import Display
+
+WORKERS = 2
+_MACHINERY = {"geokalman.reproduce.execute", "geokalman.reproduce.page"}
+
+
+@dataclass
+class Outcome:
+    """What a build did: notebooks executed, already up to date, and the messages of what failed."""
+
+    executed: list[str] = field(default_factory=list)
+    fresh: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    book: Path | None = None
+
+
+def run_folder(root: Path, name: str) -> Path:
+    """Run folder of a notebook in the book."""
+    return root / "book" / "_build" / "runs" / name
+
+
+def build(root: Path, workers: int = WORKERS, html: bool = True) -> Outcome:
+    """Bring all runs up to date and, where none failed, stage the book and make its HTML.
+
+    A second build in the same clone waits for the first. A failing notebook leaves the others, its own last good run
+    and the last good book; the outcome lists it.
+    """
+    with atomic.explained(root / ".cache"):
+        (root / ".cache").mkdir(exist_ok=True)
+        lock = FileLock(root / ".cache" / "build.lock")
+    with Display() as display:
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            display.say("Another build runs in this clone; waiting for it.")
+            lock.acquire()
+        try:
+            return _build(root, workers, html, display)
+        finally:
+            lock.release()
+
+
+def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
+    names = notebooks.names(root)
+    if not names:
+        raise Fault(f"{root / 'book'} has no notebooks; they are MyST files book/<paper>/NN-title.md with a jupytext header.")
+    _clear(root, names)
+    shared = _shared_inputs(root)
+    keys = {name: key(root, name, shared) for name in names}
+    outcome = Outcome(fresh=[name for name in names if is_fresh(run_folder(root, name), keys[name])])
+    for name in outcome.fresh:
+        _publish_metrics(root, name)
+    threads = max(1, (os.cpu_count() or 1) // workers)
+
+    def one(name: str) -> None:
+        with display.notebook(name) as progress:
+            folder = run_folder(root, name)
+            execute.run(root, name, out=folder, page=False, threads=threads, progress=progress, key=keys[name])
+            _publish_metrics(root, name)
+        outcome.executed.append(name)
+
+    def book() -> None:
+        from geokalman.reproduce import html as pages
+        from geokalman.reproduce import stage
+
+        stage.stage(root)
+        outcome.book = pages.build(root, strict=True)
+
+    tasks: dict[str, tuple[Callable[[], None], list[str], bool]] = {
+        name: (lambda name=name: one(name), [], name in outcome.fresh) for name in names
+    }
+    if html:
+        tasks["book"] = (book, names, False)
+    try:
+        outcome.failed = _run_tasks(tasks, workers, _oldest_first(root, names))
+    except BaseException:  # Ctrl-C: no kernel outlives us
+        execute.stop_all()
+        raise
+    finally:
+        outcome.executed.sort()
+    return outcome
+
+
+def key(root: Path, name: str, shared: str | None = None) -> str:
+    """SHA-256 (hex) over all that a run of the notebook comes from.
+
+    The notebook's source (its default parameters among it), the package modules it imports with all they import, the
+    machinery that executes it, the claims it judges, the vendored data and the locked environment.
+    """
+    text = notebooks.source_path(root, name).read_text(encoding="utf-8")
+    code = notebooks.code(notebooks.read(root, name))
+    try:
+        modules = sources.imported_modules(code)
+    except SyntaxError:  # it will say so itself when executed
+        modules = set()
+    parts: dict[str, Any] = {
+        "source": text,
+        "code": sources.code_hash(modules | _MACHINERY),
+        "claims": [c.model_dump(mode="json") for c in claims.decided_by(root, name)] if "verdicts" in code else [],
+        "shared": shared or _shared_inputs(root),
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _shared_inputs(root: Path) -> str:
+    """Hash of what every notebook depends on: vendored data as they stand on disk, locked environment, interpreter."""
+    digest = hashlib.sha256(platform.python_version().encode())
+    data, lock = root / "data", root / "environment.txt"
+    for name in sorted(files.registry(root)):
+        digest.update(f"{name} {files.sha256(data / name) if (data / name).is_file() else 'missing'}\n".encode())
+    digest.update((data / "registry.json").read_bytes())
+    digest.update(lock.read_bytes() if lock.is_file() else b"")
+    return digest.hexdigest()
+
+
+def is_fresh(folder: Path, wanted: str) -> bool:
+    """Does `folder` hold a whole, undamaged run made from the inputs with this key?"""
+    try:
+        told = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
+        if told["key"] != wanted:
+            return False
+        return all(files.sha256(folder / name) == digest for name, digest in told["files"].items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def _publish_metrics(root: Path, name: str) -> None:
+    """Copy the numbers of a run to `book/_build/metrics`, where scripts look for them."""
+    target = root / "book" / "_build" / "metrics" / f"{name}.json"
+    text = (run_folder(root, name) / "metrics.json").read_text(encoding="utf-8")
+    if not target.is_file() or target.read_text(encoding="utf-8") != text:
+        atomic.write_text(target, text)
+
+
+def _clear(root: Path, names: list[str]) -> None:
+    """Remove what a killed build left half done, and the products of notebooks that are no more."""
+    made = root / "book" / "_build"
+    wanted = {f"{name}{suffix}" for name in names for suffix in ("", ".json", ".failed.ipynb")}
+    for kind in ("runs", "metrics"):
+        for paper in sorted((made / kind).glob("*")):
+            if not paper.is_dir():
+                continue
+            atomic.sweep(paper)
+            for path in sorted(paper.iterdir()):
+                if f"{paper.name}/{path.name}" not in wanted:
+                    shutil.rmtree(path, ignore_errors=True) if path.is_dir() else path.unlink()
+            if not any(paper.iterdir()):
+                paper.rmdir()
+
+
+def _oldest_first(root: Path, names: list[str]) -> list[str]:
+    """The notebooks that took longest last time come first, so that two workers end together."""
+
+    def seconds(name: str) -> float:
+        try:
+            return float(json.loads((run_folder(root, name) / "provenance.json").read_text(encoding="utf-8"))["seconds"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return 0.0
+
+    return sorted(names, key=seconds, reverse=True)
+
+
+def _run_tasks(tasks: dict[str, tuple[Callable[[], None], list[str], bool]], workers: int, order: list[str]) -> list[str]:
+    """Run the tasks name -> (action, names it waits for, up to date) with doit; gives the messages of those that failed."""
+    from doit.cmd_base import ModuleTaskLoader
+    from doit.doit_cmd import DoitMain
+    from doit.exceptions import TaskFailed
+
+    messages: dict[str, str] = {}
+
+    def guarded(name: str, action: Callable[[], None]) -> Any:
+        try:
+            action()
+        except Fault as error:
+            messages[name] = str(error)
+            return TaskFailed(str(error))
+        except Exception as error:  # a fault of ours must not pass for a good build
+            messages[name] = f"FAILED {name}: {type(error).__name__}: {error}"
+            return TaskFailed(messages[name])
+        return None
+
+    def task_book():
+        for name in [*order, *(n for n in tasks if n not in order)]:
+            action, needs, fresh = tasks[name]
+            yield {
+                "basename": name,
+                "actions": [(guarded, [name, action])],
+                "task_dep": needs,
+                "uptodate": [fresh],
+                "verbosity": 2,
+                "io": {"capture": False},
+            }
+
+    with tempfile.TemporaryDirectory() as state:  # doit's own memory is not used: the run folders tell
+        config = {"dep_file": f"{state}/doit.json", "backend": "json", "reporter": _Silent}
+        main = DoitMain(ModuleTaskLoader({"task_book": task_book, "DOIT_CONFIG": config}), config_filenames=())
+        code = main.run(["run", "-n", str(workers), "-P", "thread", "--continue"])
+    if code and not messages:
+        raise Fault(f"the task graph could not be run (doit ended with {code}).")
+    return [messages[name] for name in tasks if name in messages]
+
+
+class _Silent:
+    """doit's reporter, saying nothing: progress is shown by our own display, failures at the end."""
+
+    desc = "nothing"
+
+    def __init__(self, outstream: Any, options: Any) -> None:
+        pass
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return lambda *_: None
