@@ -6,10 +6,16 @@ compiled loop; they trust their arguments. Above them stand the same operations 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
+
+Transition = tuple[np.ndarray, np.ndarray] | Callable[[float], tuple[np.ndarray, np.ndarray]]
 
 
 @njit(cache=True)
@@ -162,3 +168,197 @@ def whiten(U: np.ndarray, residual: np.ndarray, whitened: np.ndarray) -> None:
         for b in range(a):
             total -= U[b, a] * whitened[b]
         whitened[a] = total / U[a, a]
+
+
+@njit(cache=True)
+def observed_update_step(
+    x: np.ndarray, P: np.ndarray, z: np.ndarray, H: np.ndarray, R: np.ndarray, sequential: bool, whitened: np.ndarray
+) -> int:
+    """Condition N(x, P) on the components of z = H x + v, v ~ N(0, R), that are not NaN, in place.
+
+    sequential: one scalar update per component, after H and z were decorrelated by the Cholesky factor of R where R is
+    not diagonal; else jointly. Both give the same posterior and the same whitened innovation.
+    x : (n,); P : (n, n); z : (m,); H : (m, n); R : (m, m); output whitened : (m,), NaN where z is.
+    Returns 0; k >= 1 where the innovation covariance, -k where R is not positive definite in observed component k - 1.
+    """
+    m, n = H.shape
+    count = 0
+    diagonal = True
+    seen = np.empty(m, np.int64)
+    for a in range(m):
+        whitened[a] = np.nan
+        if not np.isnan(z[a]):
+            for b in range(count):
+                if R[a, seen[b]] != 0.0:
+                    diagonal = False
+            seen[count] = a
+            count += 1
+    if count == 0:
+        return 0
+    if sequential and diagonal:
+        for b in range(count):
+            a = seen[b]
+            status = _sequential_component(x, P, z[a], H[a], R[a, a], a, whitened)
+            if status != 0:
+                return b + 1
+        return 0
+    R_seen, H_seen, z_seen = np.empty((count, count)), np.empty((count, n)), np.empty((count, 1))
+    for b in range(count):
+        for d in range(count):
+            R_seen[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
+        H_seen[b] = H[seen[b]]
+        z_seen[b, 0] = z[seen[b]]
+    if sequential:
+        status = cholesky_upper(R_seen, R_seen)
+        if status != 0:
+            return -status
+        solve_lower(R_seen, H_seen)
+        solve_lower(R_seen, z_seen)
+        for b in range(count):
+            status = _sequential_component(x, P, z_seen[b, 0], H_seen[b], 1.0, seen[b], whitened)
+            if status != 0:
+                return b + 1
+        return 0
+    residual = z_seen[:, 0].copy()
+    for b in range(count):
+        for j in range(n):
+            residual[b] -= H_seen[b, j] * x[j]
+    w = np.empty(count)
+    status = update_step(x, P, residual, H_seen, R_seen, np.empty((count, count)), w)
+    if status == 0:
+        for b in range(count):
+            whitened[seen[b]] = w[b]
+    return status
+
+
+@njit(cache=True)
+def _sequential_component(
+    x: np.ndarray, P: np.ndarray, z: float, H: np.ndarray, r: float, a: int, whitened: np.ndarray
+) -> int:
+    residual = z
+    for j in range(x.shape[0]):
+        residual -= H[j] * x[j]
+    S = scalar_update_step(x, P, residual, H, r)
+    if not S > 0.0:
+        return 1
+    whitened[a] = residual / np.sqrt(S)
+    return 0
+
+
+@njit(cache=True)
+def filter_loop(
+    z: np.ndarray,
+    H: np.ndarray,
+    R: np.ndarray,
+    Phi: np.ndarray,
+    Q: np.ndarray,
+    step: np.ndarray,
+    sequential: bool,
+    predicted_mean: np.ndarray,
+    predicted_cov: np.ndarray,
+    mean: np.ndarray,
+    cov: np.ndarray,
+    whitened: np.ndarray,
+) -> tuple[int, int]:
+    """Filter N epochs; predicted_mean[0], predicted_cov[0] hold the prior, the rest of the last five arrays is output.
+
+    z : (N, m), NaN where missing; H : (N or 1, m, n); R : (N or 1, m, m); Phi, Q : (K, n, n) chosen by step : (N - 1,).
+    Returns (epoch, status) of the first failing update as in `observed_update_step`, or (-1, 0).
+    """
+    for k in range(z.shape[0]):
+        if k > 0:
+            s = step[k - 1]
+            predict_step(mean[k - 1], cov[k - 1], Phi[s], Q[s], predicted_mean[k], predicted_cov[k])
+        mean[k] = predicted_mean[k]
+        cov[k] = predicted_cov[k]
+        H_k = H[k] if H.shape[0] > 1 else H[0]
+        R_k = R[k] if R.shape[0] > 1 else R[0]
+        status = observed_update_step(mean[k], cov[k], z[k], H_k, R_k, sequential, whitened[k])
+        if status != 0:
+            return k, status
+    return -1, 0
+
+
+def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
+    """Propagate a Gaussian through x_next = Phi x + w, w ~ N(0, Q).
+
+    mean = Phi mean,   cov = Phi cov Phi' + Q.
+    Phi, Q : (n, n), Q positive semidefinite. Returns the prior of the next epoch.
+    Raises ValueError for wrong shapes, values that are not finite, a Q that is no covariance.
+    Source: grace-fusion (16), (17).
+    """
+    x, P = gaussian(*posterior)
+    n = len(x)
+    x_out, P_out = np.empty(n), np.empty((n, n))
+    predict_step(x, P, array("Phi", Phi, n, n), covariance("Q", Q, n), x_out, P_out)
+    return Gaussian(x_out, P_out)
+
+
+def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian, Innovation]:
+    """Condition a Gaussian on z = H x + v, v ~ N(0, R) (Joseph form), jointly or component by component.
+
+    z : (m,) measured, NaN where a component is missing [sensor units]; H : (m, n); R : (m, m).
+    Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
+    Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S or R.
+    Source: grace-fusion (18)-(20).
+    """
+    x, P = gaussian(*prior)
+    z = array("z", z, None, missing=True)
+    m = len(z)
+    H, R = array("H", H, m, len(x)), covariance("R", R, m)
+    residual, S = z - H @ x, H @ P @ H.T + R
+    whitened = np.empty(m)
+    _raise(observed_update_step(x, P, z, H, R, sequential, whitened))
+    return Gaussian(x, P), Innovation(residual, 0.5 * (S + S.T), whitened)
+
+
+def filter_linear(prior: Gaussian, t, z, H, R, transition: Transition, sequential: bool = True) -> Trajectory:
+    """Kalman filter over N epochs with gaps, missing components and irregular steps.
+
+    prior : Gaussian at t[0], before the observation of that epoch; t : (N,) [s], increasing; z : (N, m), NaN where a
+    component (a whole row: an epoch) is missing; H : (m, n) or (N, m, n); R : (m, m) or (N, m, m);
+    transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
+    (Phi, Q), called once for each different step; sequential : scalar updates (fast) or one joint update per epoch.
+    Returns the Trajectory. Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
+    """
+    prior = gaussian(*prior)
+    t = epochs(t)
+    N, n = len(t), len(prior.mean)
+    z = array("z", z, N, None, missing=True)
+    m = z.shape[1]
+    H, R = matrices("H", H, N, m, n), covariances("R", R, N, m)
+    Phi, Q, step = steps(transition, t, n)
+    predicted_mean, mean = np.empty((N, n)), np.empty((N, n))
+    predicted_cov, cov = np.empty((N, n, n)), np.empty((N, n, n))
+    whitened = np.empty((N, m))
+    predicted_mean[0], predicted_cov[0] = prior
+    epoch, status = filter_loop(z, H, R, Phi, Q, step, sequential, predicted_mean, predicted_cov, mean, cov, whitened)
+    _raise(status, epoch, t)
+    return Trajectory(t, predicted_mean, predicted_cov, mean, cov, whitened, Phi, Q, step)
+
+
+def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is which.
+
+    transition : as in `filter_linear`; t : (N,) checked epochs. Raises ValueError for matrices of a wrong shape.
+    """
+    count = len(t) - 1
+    if callable(transition):
+        lengths, step = np.unique(np.diff(t), return_inverse=True)
+        pairs = [transition(float(h)) for h in lengths]
+        Phi = np.array([array("Phi", pair[0], n, n) for pair in pairs]).reshape(-1, n, n)
+        Q = np.array([covariance("Q", pair[1], n) for pair in pairs]).reshape(-1, n, n)
+        return Phi, Q, step.astype(np.int64)
+    Phi, Q = transition
+    Phi, Q = matrices("Phi", Phi, count, n, n), covariances("Q", Q, count, n)
+    if len(Phi) == len(Q) == 1:
+        return Phi, Q, np.zeros(count, np.int64)
+    Phi, Q = (np.ascontiguousarray(np.broadcast_to(stack, (count, n, n))) for stack in (Phi, Q))
+    return Phi, Q, np.arange(count)
+
+
+def _raise(status: int, epoch: int | None = None, t: np.ndarray | None = None) -> None:
+    if status != 0:
+        matrix = "innovation covariance" if status > 0 else "observation noise covariance"
+        detail = f"the pivot of observed component {abs(status) - 1} is not positive"
+        raise NotPositiveDefinite(matrix, epoch, None if t is None else float(t[epoch]), detail)

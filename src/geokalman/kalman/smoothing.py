@@ -1,11 +1,13 @@
-"""Fixed-interval smoothing: Rauch-Tung-Striebel, and two filters in information form; both give the same posterior."""
+"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); the two-filter form of the same posterior is `information`."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
+from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
+from geokalman.kalman.gaussian import Smoothed, Trajectory
 
 
 @njit(cache=True)
@@ -121,3 +123,68 @@ def _add_congruence(M: np.ndarray, B: np.ndarray, out: np.ndarray) -> None:
         for k in range(n):
             for j in range(k, n):
                 out[k, j] += B[i, k] * row[j]
+
+
+@njit(cache=True)
+def rts_loop(
+    mean: np.ndarray,
+    cov: np.ndarray,
+    predicted_mean: np.ndarray,
+    predicted_cov: np.ndarray,
+    Phi: np.ndarray,
+    Q: np.ndarray,
+    step: np.ndarray,
+    x_out: np.ndarray,
+    P_out: np.ndarray,
+) -> tuple[int, int]:
+    """Smooth N epochs backward: arrays as in a `Trajectory`, Phi, Q : (K, n, n) chosen by step : (N - 1,).
+
+    Outputs x_out : (N, n) and P_out : (N, n, n). Returns (epoch, status) of the first predicted covariance that is not
+    positive definite, or (-1, 0).
+    """
+    last = mean.shape[0] - 1
+    x_out[last] = mean[last]
+    P_out[last] = cov[last]
+    for k in range(last - 1, -1, -1):
+        status = rts_step(
+            mean[k],
+            cov[k],
+            predicted_mean[k + 1],
+            predicted_cov[k + 1],
+            Phi[step[k]],
+            Q[step[k]],
+            x_out[k + 1],
+            P_out[k + 1],
+            x_out[k],
+            P_out[k],
+        )
+        if status != 0:
+            return k + 1, status
+    return -1, 0
+
+
+def smooth(course: Trajectory) -> Smoothed:
+    """Rauch-Tung-Striebel smoother of a filtered trajectory, linear, extended or unscented.
+
+    C = P Phi' (P_predicted)^-1,  mean = x + C (mean_next - x_predicted),
+    cov = (I - C Phi) P (I - C Phi)' + C (Q + cov_next) C'.
+    course : the Trajectory of `filter_linear`, `filter_extended` or `filter_unscented`.
+    Returns the Smoothed states. Raises NotPositiveDefinite with the epoch of a predicted covariance without full rank.
+    Source: Rauch, Tung and Striebel (1965), AIAA J. 3, 1445-1450; for sigma points Sarkka (2008).
+    """
+    mean, cov = np.empty_like(course.mean), np.empty_like(course.cov)
+    epoch, status = rts_loop(
+        course.mean,
+        course.cov,
+        course.predicted_mean,
+        course.predicted_cov,
+        course.transition,
+        course.process_noise,
+        course.step,
+        mean,
+        cov,
+    )
+    if status != 0:
+        detail = f"its Cholesky pivot {status - 1} is not positive"
+        raise NotPositiveDefinite("predicted covariance", epoch, float(course.t[epoch]), detail)
+    return Smoothed(course.t, mean, cov)

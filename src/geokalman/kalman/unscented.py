@@ -14,10 +14,15 @@ is at least `noise`, so that the update below leaves a positive definite covaria
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numba import njit
 
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
+from geokalman.kalman.extended import NoiseCovariance, Sensor, noise_at, prepare
+from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
 from geokalman.kalman.linear import whiten
 
 
@@ -81,9 +86,11 @@ def transform_step(
     for a in range(m):
         mean[a] /= c
     for a in range(m):
-        for b in range(m):
-            remainder[a, b] += w * mean[a] * mean[b]
+        for b in range(a + 1):
+            remainder[a, b] += w * (mean[a] * mean[b])
             cov[a, b] += remainder[a, b]
+            remainder[b, a] = remainder[a, b]
+            cov[b, a] = cov[a, b]
     for a in range(m):
         mean[a] += gamma[0, a]
 
@@ -169,3 +176,152 @@ def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, floa
     if not (alpha > 0.0 and n + kappa > 0.0):
         raise ValueError(f"alpha = {alpha} and kappa = {kappa} with n = {n} give no sigma points: alpha and n + kappa must be positive")
     return alpha * float(np.sqrt(n + kappa)), beta - alpha**2
+
+
+def weights(n: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndarray, np.ndarray]:
+    """The textbook weights of the 2 n + 1 sigma points, for the mean and for the covariance (not used by the kernels).
+
+    Wm0 = lambda / (n + lambda),  Wc0 = Wm0 + 1 - alpha^2 + beta,  Wi = 1 / (2 (n + lambda)),  lambda = alpha^2 (n + kappa) - n.
+    Returns Wm, Wc : (2 n + 1,). Raises ValueError as `spread`. Source: grace-fusion (32), (35)-(37).
+    """
+    c, _ = spread(n, alpha, beta, kappa)
+    Wm = np.full(2 * n + 1, 0.5 / c**2)
+    Wc = Wm.copy()
+    Wm[0] = (c**2 - n) / c**2
+    Wc[0] = Wm[0] + 1.0 - alpha**2 + beta
+    return Wm, Wc
+
+
+def sigma_points(x: Gaussian, alpha: float = 1.0, beta: float = 2.0, kappa: float = 0.0) -> np.ndarray:
+    """The sigma points (2 n + 1, n) of a Gaussian: the mean, then for each column p_i of the root mean - c p_i, mean + c p_i.
+
+    Raises NotPositiveDefinite where the covariance has no root of full rank. Source: grace-fusion (29)-(31).
+    """
+    mean, P = gaussian(*x)
+    c, _ = spread(len(mean), alpha, beta, kappa)
+    return _draw(mean, P, c, "covariance")[0]
+
+
+def predict(
+    posterior: Gaussian,
+    f: Callable[[np.ndarray], np.ndarray],
+    Q,
+    alpha: float = 1.0,
+    beta: float = 2.0,
+    kappa: float = 0.0,
+) -> Gaussian:
+    """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), by the scaled unscented transform.
+
+    f : takes and gives (n,); Q : (n, n), positive semidefinite; alpha, beta, kappa as in `spread`.
+    Raises ValueError for wrong input, NotPositiveDefinite where the posterior has no root of full rank.
+    Source: grace-fusion (33), (38), (39).
+    """
+    x, P = gaussian(*posterior)
+    n = len(x)
+    c, w = spread(n, alpha, beta, kappa)
+    mean, cov, _, _ = _propagate(x, P, f, covariance("Q", Q, n), c, w, "posterior covariance")
+    return Gaussian(mean, cov)
+
+
+def update(
+    prior: Gaussian,
+    z,
+    h: Callable[[np.ndarray], np.ndarray],
+    R,
+    alpha: float = 1.0,
+    beta: float = 2.0,
+    kappa: float = 0.0,
+) -> tuple[Gaussian, Innovation]:
+    """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), by the scaled unscented transform, redrawn from the prior.
+
+    z : (m,) measured, NaN where missing [sensor units]; h : takes (n,), gives (m,); R : (m, m); alpha, beta, kappa as in
+    `spread`. Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
+    Raises ValueError for wrong input, NotPositiveDefinite where the prior or S has no root of full rank.
+    Source: grace-fusion (26)-(28), (34)-(43).
+    """
+    x, P = gaussian(*prior)
+    z = array("z", z, None, missing=True)
+    R = covariance("R", R, len(z))
+    return _update(x, P, z, h, R, *spread(len(x), alpha, beta, kappa))
+
+
+def filter_unscented(
+    prior: Gaussian,
+    t,
+    f: Callable[[np.ndarray, float, float], np.ndarray],
+    Q: NoiseCovariance,
+    sensors: Sequence[Sensor],
+    alpha: float = 1.0,
+    beta: float = 2.0,
+    kappa: float = 0.0,
+) -> Trajectory:
+    """Unscented Kalman filter over N epochs; the sensors of an epoch are processed in order, each from redrawn points.
+
+    prior : Gaussian at t[0], before the observations of that epoch; t : (N,) [s]; f(x, t0, t1) : (n,) state at t1 from
+    that at t0; Q : (n, n), or Q(t0, t1); sensors : see `Sensor` (their H is not used); alpha, beta, kappa as in `spread`.
+    Returns the Trajectory; its transition holds cross' P^-1 of each step, its process_noise what that leaves of the
+    predicted covariance, so that `smoothing.smooth` on it is the unscented RTS smoother (Sarkka 2008).
+    Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
+    """
+    prior, t, z, R, out = prepare(prior, t, sensors)
+    n = len(prior.mean)
+    c, w = spread(n, alpha, beta, kappa)
+    x, P = prior.mean.copy(), prior.cov.copy()
+    for k, now in enumerate(t):
+        if k > 0:
+            before = float(t[k - 1])
+            noise = noise_at(Q, before, float(now), n)
+            x, P, Phi, remainder = _propagate(
+                x, P, lambda s: f(s, before, float(now)), noise, c, w, "filtered covariance", k - 1, before
+            )
+            out.transition[k - 1], out.process_noise[k - 1] = Phi, remainder
+        out.predicted_mean[k], out.predicted_cov[k] = x, P
+        column = 0
+        for sensor, z_s, R_s in zip(sensors, z, R, strict=True):
+            m = z_s.shape[1]
+            (x, P), innovation = _update(
+                x, P, z_s[k], lambda s: sensor.h(s, float(now)), R_s[k % len(R_s)], c, w, k, float(now)
+            )
+            out.whitened[k, column : column + m] = innovation.whitened
+            column += m
+        out.mean[k], out.cov[k] = x, P
+    return out
+
+
+def _draw(x, P, c, matrix, epoch=None, t=None) -> tuple[np.ndarray, np.ndarray]:
+    n = len(x)
+    chi, U = np.empty((2 * n + 1, n)), np.empty((n, n))
+    status = sigma_points_step(x, P, c, chi, U)
+    if status != 0:
+        raise NotPositiveDefinite(matrix, epoch, t, f"its Cholesky pivot {status - 1} is not positive")
+    return chi, U
+
+
+def _propagate(x, P, f, Q, c, w, matrix, epoch=None, t=None):
+    n = len(x)
+    chi, U = _draw(x, P, c, matrix, epoch, t)
+    image = np.array([array("f(x)", f(point), n) for point in chi])
+    mean, D, remainder, cov = np.empty(n), np.empty((n, n)), np.empty((n, n)), np.empty((n, n))
+    transform_step(image, Q, c, w, mean, D, remainder, cov)
+    solve_upper(U, D)  # now D' is the linearisation cross' P^-1
+    return mean, cov, D.T, remainder
+
+
+def _update(x, P, z, h, R, c, w, epoch=None, t=None) -> tuple[Gaussian, Innovation]:
+    m = len(z)
+    seen = np.flatnonzero(~np.isnan(z))
+    residual, S, whitened = np.full(m, np.nan), np.full((m, m), np.nan), np.full(m, np.nan)
+    if seen.size == 0:
+        return Gaussian(x, P), Innovation(residual, S, whitened)
+    chi, U = _draw(x, P, c, "prior covariance", epoch, t)
+    image = np.ascontiguousarray(np.array([array("h(x)", h(point), m) for point in chi])[:, seen])
+    x, P = x.copy(), P.copy()
+    S_seen, w_seen = np.empty((seen.size, seen.size)), np.empty(seen.size)
+    status = unscented_update_step(x, P, U, image, z[seen], R[np.ix_(seen, seen)], c, w, S_seen, w_seen)
+    if status != 0:
+        detail = f"the pivot of observed component {status - 1} is not positive"
+        raise NotPositiveDefinite("innovation covariance", epoch, t, detail)
+    S[np.ix_(seen, seen)], whitened[seen] = S_seen, w_seen
+    root = np.linalg.cholesky(S_seen)
+    residual[seen] = root @ w_seen
+    return Gaussian(x, P), Innovation(residual, S, whitened)

@@ -1,0 +1,125 @@
+"""Is a filter honest? NEES, NIS, whiteness, their chi-square bounds, and Monte Carlo over seeds.
+
+NEES compares the error with the covariance and needs the truth; NIS compares the innovations with theirs and does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor
+from functools import partial
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import gammaincc, gammaincinv
+
+from geokalman.kalman.checks import NotPositiveDefinite, array
+
+Result = TypeVar("Result")
+
+
+class Whiteness(NamedTuple):
+    """Whiteness of innovations: autocorrelation (lags, m) at lags 1, 2, ..., and the portmanteau test over all of them.
+
+    statistic ~ chi-square with dof degrees of freedom if they are white; p_value its upper tail probability.
+    """
+
+    autocorrelation: np.ndarray
+    statistic: float
+    dof: int
+    p_value: float
+
+
+def nees(error, cov) -> np.ndarray:
+    """Normalised estimation error squared, error' cov^-1 error, chi-square with n degrees of freedom if cov is honest.
+
+    error : (..., n) estimate minus truth; cov : (..., n, n). Returns (...).
+    Raises ValueError for shapes that do not agree or values that are not finite, NotPositiveDefinite with the first
+    covariance (counted over the leading axes) that has no root of full rank.
+    """
+    e, P = np.asarray(error, dtype=float), np.asarray(cov, dtype=float)
+    if e.ndim < 1 or P.shape != (*e.shape, e.shape[-1]):
+        raise ValueError(f"cov has the shape {P.shape}, for errors {e.shape} it must be (..., n, n)")
+    n = e.shape[-1]
+    e, P = array("error", e.reshape(-1, n), None, n), array("cov", P.reshape(-1, n, n), None, n, n)
+    sigma = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), np.finfo(float).tiny))  # scale before factoring
+    P = P / sigma[:, :, None] / sigma[:, None, :]
+    out = np.empty(len(e))
+    for k in range(len(e)):
+        try:
+            root = np.linalg.cholesky(P[k])
+        except np.linalg.LinAlgError:
+            raise NotPositiveDefinite("covariance", k) from None
+        out[k] = (solve_triangular(root, e[k] / sigma[k], lower=True) ** 2).sum()
+    return out.reshape(np.shape(error)[:-1])
+
+
+def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
+    """Normalised innovation squared of each epoch and its degrees of freedom, the components that are not NaN.
+
+    whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...), both 0 in a gap.
+    """
+    w = np.asarray(whitened, dtype=float)
+    return np.nansum(w**2, axis=-1), np.isfinite(w).sum(axis=-1)
+
+
+def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
+    """Two-sided bounds for the mean of independent chi-square values: it lies between them with `probability`.
+
+    dof : degrees of freedom of each value, one per run or epoch. Bounds are the quantiles of chi-square(sum of dof),
+    divided by the number of values with dof > 0.
+    Raises ValueError where no degree of freedom is left or probability is not inside (0, 1).
+    Source: Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications, section 5.4.
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
+    dof = np.atleast_1d(dof)
+    count, total = int((dof > 0).sum()), float(dof.sum())
+    if count == 0:
+        raise ValueError("there is no degree of freedom: every epoch is missing")
+    tail = 0.5 * (1.0 - probability)
+    low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count  # scipy.stats would take a second to import
+    return float(low), float(high)
+
+
+def whiteness(whitened, lags: int) -> Whiteness:
+    """Ljung-Box portmanteau test that whitened innovations are uncorrelated in time, each component for itself, summed.
+
+    r_l = [sum_t w_t w_(t+l) / n_l] / [sum_t w_t^2 / n_0],  statistic = (1 + 2 / n_0) sum_l n_l r_l^2 over all components,
+    n_l the number of pairs with both values there; without gaps this is the usual Ljung-Box statistic of a zero-mean series.
+    whitened : (N, m), NaN where missing; lags : largest lag, 1 <= lags < N.
+    Raises ValueError for another shape, for lags out of range and where a lag has no pair.
+    Source: Ljung and Box (1978), Biometrika 65, 297-303.
+    """
+    w = array("whitened", whitened, None, None, missing=True)
+    N, m = w.shape
+    if not 1 <= lags < N:
+        raise ValueError(f"lags = {lags} with {N} epochs: it must be at least 1 and below the number of epochs")
+    there = np.isfinite(w)
+    w = np.where(there, w, 0.0)
+    pairs = np.array([(there[lag:] & there[: N - lag]).sum(0) for lag in range(lags + 1)])
+    if (pairs == 0).any():
+        lag, component = (int(i) for i in np.argwhere(pairs == 0)[0])
+        raise ValueError(f"component {component} has no pair of values at lag {lag}: too many are missing")
+    moments = np.array([(w[lag:] * w[: N - lag]).sum(0) for lag in range(lags + 1)]) / pairs
+    r = moments[1:] / moments[0]
+    statistic = float(((1.0 + 2.0 / pairs[0]) * pairs[1:] * r**2).sum())
+    return Whiteness(r, statistic, lags * m, float(gammaincc(0.5 * lags * m, 0.5 * statistic)))
+
+
+def monte_carlo(
+    run: Callable[[np.random.Generator], Result], seeds: Iterable[int], executor: Executor | None = None
+) -> list[Result]:
+    """Call run(default_rng(seed)) for each seed; the results come in the order of the seeds, whatever executes them.
+
+    run : takes a Generator and nothing else, so that run i is the same on 1 and on many workers (a module-level function
+    where a process pool is to send it); seeds : e.g. range(seed0, seed0 + count); executor : any
+    concurrent.futures.Executor, None runs here. An error of a run is raised here.
+    """
+    job = partial(_seeded, run)
+    return list(executor.map(job, seeds)) if executor else [job(seed) for seed in seeds]
+
+
+def _seeded(run: Callable[[np.random.Generator], Result], seed: int) -> Result:
+    return run(np.random.default_rng(seed))

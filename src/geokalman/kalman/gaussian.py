@@ -1,0 +1,98 @@
+"""The values that the core takes and gives: a Gaussian, an innovation, and whole trajectories (frozen, time first)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+
+__all__ = ["Gaussian", "Information", "Innovation", "NotPositiveDefinite", "Smoothed", "Trajectory", "gaussian"]
+
+
+class Gaussian(NamedTuple):
+    """A normal distribution N(mean, cov); make it with `gaussian`, which checks.
+
+    mean : (n,) [state units]; cov : (n, n), symmetric positive semidefinite.
+    """
+
+    mean: np.ndarray
+    cov: np.ndarray
+
+
+class Information(NamedTuple):
+    """A normal distribution by its information: matrix = cov^-1, vector = cov^-1 mean; zeros say that nothing is known.
+
+    vector : (n,); matrix : (n, n), symmetric positive semidefinite.
+    """
+
+    vector: np.ndarray
+    matrix: np.ndarray
+
+
+class Innovation(NamedTuple):
+    """What an observation brought: residual = z - prediction, its covariance S, and whitened = L^-1 residual, S = L L'.
+
+    residual, whitened : (m,), NaN where a component is missing; S : (m, m) [sensor units]. If the model is right,
+    whitened ~ N(0, I); its components do not depend on whether the update was joint or sequential.
+    """
+
+    residual: np.ndarray
+    S: np.ndarray
+    whitened: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """The course of a filter over N epochs, time first, and what a smoother needs of it.
+
+    t : (N,) [s]; predicted_mean, mean : (N, n) before and after the update; predicted_cov, cov : (N, n, n);
+    whitened : (N, m) innovations, NaN where missing; step : (N - 1,) index into transition, process_noise : (K, n, n)
+    for the step from epoch k to k + 1 (an extended or unscented filter keeps its linearisation there).
+    """
+
+    t: np.ndarray
+    predicted_mean: np.ndarray
+    predicted_cov: np.ndarray
+    mean: np.ndarray
+    cov: np.ndarray
+    whitened: np.ndarray
+    transition: np.ndarray
+    process_noise: np.ndarray
+    step: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, k: int) -> Gaussian:
+        """The filtered Gaussian of epoch k."""
+        return Gaussian(self.mean[k], self.cov[k])
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """The smoothed states of N epochs, time first.  t : (N,) [s]; mean : (N, n); cov : (N, n, n)."""
+
+    t: np.ndarray
+    mean: np.ndarray
+    cov: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __getitem__(self, k: int) -> Gaussian:
+        """The smoothed Gaussian of epoch k."""
+        return Gaussian(self.mean[k], self.cov[k])
+
+
+def gaussian(mean, cov) -> Gaussian:
+    """A checked Gaussian from anything array-like.
+
+    mean : (n,); cov : (n, n), or (n,) variances for a diagonal covariance.
+    Raises ValueError for wrong shapes, values that are not finite and an unsymmetric cov; NotPositiveDefinite for a cov
+    with a negative eigenvalue.
+    """
+    m = array("mean", mean, None)
+    return Gaussian(m, covariance("covariance", np.diag(cov) if np.ndim(cov) == 1 else cov, len(m)))

@@ -1,0 +1,298 @@
+"""Smoothing by two filters in information form: what the past and what the future say, combined; equal to RTS.
+
+The information form needs no prior: zeros say that nothing is known (a diffuse prior). `smooth_two_filter` joins the
+covariance filter forward with an information filter backward, `smooth_information` runs both in information form.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
+from geokalman.kalman.dense import cholesky_semidefinite, cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
+from geokalman.kalman.linear import Transition, steps
+
+
+@njit(cache=True)
+def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.ndarray, R: np.ndarray) -> int:
+    """Add the information of the components of z = H x + v, v ~ N(0, R), that are not NaN, in place.
+
+    Y += H' R^-1 H,   y += H' R^-1 z.
+    y : (n,); Y : (n, n); z : (m,); H : (m, n); R : (m, m).
+    Returns 0, or k >= 1 where R is not positive definite in observed component k - 1.
+    """
+    m, n = H.shape
+    seen = np.empty(m, np.int64)
+    count = 0
+    for a in range(m):
+        if not np.isnan(z[a]):
+            seen[count] = a
+            count += 1
+    U, rows, values = np.empty((count, count)), np.empty((count, n)), np.empty((count, 1))
+    for b in range(count):
+        for d in range(count):
+            U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
+        rows[b] = H[seen[b]]
+        values[b, 0] = z[seen[b]]
+    status = cholesky_upper(U, U)
+    if status != 0:
+        return status
+    solve_lower(U, rows)
+    solve_lower(U, values)
+    for b in range(count):
+        for i in range(n):
+            if rows[b, i] != 0.0:
+                y[i] += rows[b, i] * values[b, 0]
+                for j in range(n):
+                    Y[i, j] += rows[b, i] * rows[b, j]
+    return 0
+
+
+@njit(cache=True)
+def information_noise_step(y: np.ndarray, Y: np.ndarray, G: np.ndarray) -> None:
+    """Information of x + w, w ~ N(0, G' G), from that of x, in place; a sum of squares, and no inverse of Y or Q.
+
+    J = Y G' (I + G Y G')^-1,   Y = (I - J G) Y (I - J G)' + J J',   y = y - J G y.
+    y : (n,); Y : (n, n) positive semidefinite; G : (n, n), Q = G' G.
+    """
+    n = y.shape[0]
+    W, A = np.zeros((n, n)), np.zeros((n, n))  # G Y and I + G Y G'
+    for i in range(n):
+        for k in range(n):
+            if G[i, k] != 0.0:
+                for j in range(n):
+                    W[i, j] += G[i, k] * Y[k, j]
+    for i in range(n):
+        A[i, i] = 1.0
+        for k in range(n):
+            for j in range(n):
+                A[i, j] += W[i, k] * G[j, k]
+    cholesky_upper(A, A)  # its eigenvalues are at least one
+    J = W  # J' after the solves
+    solve_lower(A, J)
+    solve_upper(A, J)
+    B = np.zeros((n, n))  # (I - J G)'
+    for i in range(n):
+        B[i, i] = 1.0
+        for k in range(n):
+            if G[k, i] != 0.0:
+                for j in range(n):
+                    B[i, j] -= G[k, i] * J[k, j]
+    _congruence(Y, y, B)
+    for k in range(n):
+        for i in range(n):
+            for j in range(n):
+                Y[i, j] += J[k, i] * J[k, j]
+    symmetrise(Y)
+
+
+@njit(cache=True)
+def _congruence(Y: np.ndarray, y: np.ndarray, B: np.ndarray) -> None:
+    """Replace Y by B' Y B and y by B' y."""
+    n = y.shape[0]
+    T = np.zeros((n, n))
+    u = np.zeros(n)
+    for i in range(n):
+        for k in range(n):
+            for j in range(n):
+                T[i, j] += Y[i, k] * B[k, j]
+        for j in range(n):
+            u[j] += B[i, j] * y[i]
+    for i in range(n):
+        y[i] = u[i]
+        for j in range(n):
+            Y[i, j] = 0.0
+    for k in range(n):
+        for i in range(n):
+            if B[k, i] != 0.0:
+                for j in range(n):
+                    Y[i, j] += B[k, i] * T[k, j]
+    symmetrise(Y)
+
+
+@njit(cache=True)
+def information_back_step(y: np.ndarray, Y: np.ndarray, Phi: np.ndarray, G: np.ndarray) -> None:
+    """Carry the information on x_next = Phi x + w, w ~ N(0, G' G), back to x, in place.
+
+    Y = Phi' (Y^-1 + Q)^-1 Phi, with no inverse of Y.  y : (n,); Y, Phi, G : (n, n).
+    """
+    information_noise_step(y, Y, G)
+    _congruence(Y, y, Phi)
+
+
+@njit(cache=True)
+def information_predict_step(y: np.ndarray, Y: np.ndarray, Psi: np.ndarray, G: np.ndarray) -> None:
+    """Carry the information on x forward to x_next = Phi x + w, w ~ N(0, G' G), in place; Psi = Phi^-1.
+
+    Y = (Phi Y^-1 Phi' + Q)^-1, with no inverse of Y.  y : (n,); Y, Psi, G : (n, n).
+    """
+    _congruence(Y, y, Psi)
+    information_noise_step(y, Y, G)
+
+
+@njit(cache=True)
+def combine_step(
+    x: np.ndarray, P: np.ndarray, y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray
+) -> int:
+    """Combine N(x, P) with independent information (y, Y):  P_out = (P^-1 + Y)^-1,  x_out = x + P_out (y - Y x).
+
+    Evaluated as U' (I + U Y U')^-1 U with P = U' U: no inverse of P or Y, and positive by construction.
+    x, y, x_out : (n,); P, Y, P_out : (n, n). Outputs must not overlap inputs.
+    Returns 0, or k >= 1 where P has a negative pivot in row k - 1.
+    """
+    n = x.shape[0]
+    U, A, W = np.empty((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    status = cholesky_semidefinite(P, U)
+    if status != 0:
+        return status
+    for i in range(n):
+        for k in range(i, n):
+            for j in range(n):
+                W[i, j] += U[i, k] * Y[k, j]
+    for i in range(n):
+        A[i, i] = 1.0
+        for j in range(n):
+            for k in range(j, n):
+                A[i, j] += W[i, k] * U[j, k]
+    cholesky_upper(A, A)  # its eigenvalues are at least one
+    solve_lower(A, U)
+    for i in range(n):
+        for j in range(n):
+            P_out[i, j] = 0.0
+    for k in range(n):
+        for i in range(n):
+            for j in range(n):
+                P_out[i, j] += U[k, i] * U[k, j]
+    for i in range(n):
+        x_out[i] = x[i]
+    for i in range(n):
+        gap = y[i]
+        for j in range(n):
+            gap -= Y[i, j] * x[j]
+        for j in range(n):
+            x_out[j] += P_out[i, j] * gap
+    return 0
+
+
+@njit(cache=True)
+def backward_loop(
+    z: np.ndarray, H: np.ndarray, R: np.ndarray, Phi: np.ndarray, G: np.ndarray, step: np.ndarray, y: np.ndarray, Y: np.ndarray
+) -> tuple[int, int]:
+    """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the end.
+
+    z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G.
+    Returns (epoch, status) of an R without full rank, or (-1, 0).
+    """
+    last = z.shape[0] - 1
+    y[last] = 0.0
+    Y[last] = 0.0
+    for k in range(last - 1, -1, -1):
+        y[k] = y[k + 1]
+        Y[k] = Y[k + 1]
+        H_k = H[k + 1] if H.shape[0] > 1 else H[0]
+        R_k = R[k + 1] if R.shape[0] > 1 else R[0]
+        status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
+        if status != 0:
+            return k + 1, status
+        information_back_step(y[k], Y[k], Phi[step[k]], G[step[k]])
+    return -1, 0
+
+
+@njit(cache=True)
+def forward_loop(
+    z: np.ndarray, H: np.ndarray, R: np.ndarray, Psi: np.ndarray, G: np.ndarray, step: np.ndarray, y: np.ndarray, Y: np.ndarray
+) -> tuple[int, int]:
+    """Information on x_k in the prior and the observations up to epoch k: y[0], Y[0] hold the prior, the rest is output.
+
+    Arguments as in `backward_loop`, Psi : (K, n, n) the inverse transitions. Returns as there.
+    """
+    for k in range(z.shape[0]):
+        if k > 0:
+            y[k] = y[k - 1]
+            Y[k] = Y[k - 1]
+            information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
+        H_k = H[k] if H.shape[0] > 1 else H[0]
+        R_k = R[k] if R.shape[0] > 1 else R[0]
+        status = information_update_step(y[k], Y[k], z[k], H_k, R_k)
+        if status != 0:
+            return k, status
+    return -1, 0
+
+
+def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
+    """Smooth a linear filter's trajectory by an information filter that runs backward over the same observations.
+
+    P_s = (P^-1 + Y)^-1,   x_s = x + P_s (y - Y x),   (y, Y) the information on x_k in the observations after k.
+    course : the Trajectory of `filter_linear`; z, H, R : as given to it, R positive definite.
+    Returns the Smoothed states, equal to those of `smoothing.smooth`.
+    Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
+    Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
+    """
+    N, n = course.mean.shape
+    z, H, R = _observations(z, H, R, N, n)
+    y, Y = np.empty((N, n)), np.empty((N, n, n))
+    G = np.array([_root(Q) for Q in course.process_noise]).reshape(-1, n, n)
+    _raise(*backward_loop(z, H, R, course.transition, G, course.step, y, Y), course.t)
+    mean, cov = np.empty((N, n)), np.empty((N, n, n))
+    for k in range(N):
+        status = combine_step(course.mean[k], course.cov[k], y[k], Y[k], mean[k], cov[k])
+        if status != 0:
+            raise NotPositiveDefinite("filtered covariance", k, float(course.t[k]))
+    return Smoothed(course.t, mean, cov)
+
+
+def smooth_information(t, z, H, R, transition: Transition, prior: Information | None = None) -> Smoothed:
+    """Smooth a linear model by two information filters, with no prior at all where none is given.
+
+    P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b).
+    t, z, H, R, transition : as in `filter_linear`, R positive definite, Phi invertible; prior : Information at t[0]
+    before its observation, None for a diffuse one.
+    Returns the Smoothed states. Raises ValueError for wrong input, NotPositiveDefinite with the first epoch whose state the
+    observations leave undetermined.
+    Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
+    """
+    t = epochs(t)
+    N, n = len(t), np.shape(H)[-1]
+    z, H, R = _observations(z, H, R, N, n)
+    Phi, Q, step = steps(transition, t, n)
+    G = np.array([_root(noise) for noise in Q]).reshape(-1, n, n)
+    Psi = np.array([np.linalg.solve(matrix, np.eye(n)) for matrix in Phi]).reshape(-1, n, n)
+    y, Y, y_back, Y_back = np.zeros((N, n)), np.zeros((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
+    if prior is not None:
+        y[0], Y[0] = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
+    _raise(*forward_loop(z, H, R, Psi, G, step, y, Y), t)
+    _raise(*backward_loop(z, H, R, Phi, G, step, y_back, Y_back), t)
+    mean, cov = np.empty((N, n)), np.empty((N, n, n))
+    for k in range(N):
+        U, inverse_root, x = Y[k] + Y_back[k], np.eye(n), (y[k] + y_back[k])[:, None]
+        status = cholesky_upper(U, U)
+        if status != 0:
+            detail = f"the observations do not determine state {status - 1}"
+            raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
+        solve_lower(U, inverse_root)
+        cov[k] = inverse_root.T @ inverse_root
+        solve_lower(U, x)
+        solve_upper(U, x)
+        mean[k] = x[:, 0]
+    return Smoothed(t, mean, cov)
+
+
+def _observations(z, H, R, N: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    z = array("z", z, N, None, missing=True)
+    m = z.shape[1]
+    return z, matrices("H", H, N, m, n), covariances("R", R, N, m)
+
+
+def _root(Q: np.ndarray) -> np.ndarray:
+    G = np.empty_like(Q)
+    if cholesky_semidefinite(Q, G) != 0:
+        raise NotPositiveDefinite("process noise covariance")
+    return G
+
+
+def _raise(epoch: int, status: int, t: np.ndarray) -> None:
+    if status != 0:
+        detail = f"the pivot of observed component {status - 1} is not positive"
+        raise NotPositiveDefinite("observation noise covariance", epoch, float(t[epoch]), detail)
