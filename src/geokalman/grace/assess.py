@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from geokalman.constants import OMEGA_EARTH
-from geokalman.grace.model import DAY, Array, range_rate
+from geokalman.grace.model import DAY, Array, distance, range_rate
 from geokalman.grace.recover import Recovery
 from geokalman.grace.simulate import OrbitPair
 from geokalman.physics.field import GravityField
@@ -46,6 +46,12 @@ def statistics(residual: Array, edge: int = 100) -> Statistics:
 def range_rate_residual(rate: Array, orbit: OrbitPair) -> Array:
     """Range-rate of a method minus that of the simulation (n,) [m/s]; NaN where the method has none."""
     return rate - range_rate(orbit.dr, orbit.dv)
+
+
+def pair_difference(one: OrbitPair, other: OrbitPair) -> tuple[float, float]:
+    """Largest difference of range-rate [m/s] and of relative position [m] between two integrations of one pair."""
+    rates = range_rate(one.dr, one.dv) - range_rate(other.dr, other.dv)
+    return float(np.abs(rates).max()), float(distance(one.dr - other.dr).max())
 
 
 def largest_node_gap(orbit: OrbitPair, days: Sequence[float]) -> list[float]:

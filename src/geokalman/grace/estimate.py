@@ -67,12 +67,13 @@ class Trajectory:
         """Line-of-sight acceleration e . da of the state (n,) [m/s^2]: equations (46) and (47) together."""
         return los_acceleration(self.dr, self.x[:, ACCELERATION])
 
-    def rate_sigma(self) -> Array:
-        """Standard deviation of the range-rate (n,) [m/s], linearised at the state. Needs the covariances."""
-        H = np.zeros_like(self.x)
-        for k, state in enumerate(self.x):
+    def rate_sigma(self, epochs: slice = slice(None)) -> Array:
+        """Standard deviation of the range-rate [m/s] at the epochs, linearised at the state. Needs the covariances."""
+        x = self.x[epochs]
+        H = np.zeros_like(x)
+        for k, state in enumerate(x):
             _range_rate_row(state, H[k])
-        return np.sqrt(np.einsum("ki,kij,kj->k", H, self.P, H))
+        return np.sqrt(np.einsum("ki,kij,kj->k", H, self.P[epochs], H))
 
 
 @dataclass(frozen=True)

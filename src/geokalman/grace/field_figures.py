@@ -12,7 +12,7 @@ from geokalman.files import natural_earth_dir
 from geokalman.grace.model import Array
 from geokalman.style import DIVERGING, METHODS, ink, paper
 
-LOOK = {"X": "exact", "N1": "newton", "N2": "newton", "E0": "ekf", "E1": "ekf", "E2": "ekf", "U1": "ukf", "U2": "ukf", "K0": "exact", "B11": "spline"}
+LOOK = {"X": "exact", "N1": "newton", "N2": "newton", "E0": "ekf", "E1": "ekf", "E2": "ekf", "U1": "ukf", "U2": "ukf", "K0": "exact", "B11": "spline", "P2": "neutral"}
 """Which method's colour an observable is drawn in."""
 _DASHED = {"N2": ":", "E0": ":", "E1": "--", "U1": "--", "K0": "--"}
 

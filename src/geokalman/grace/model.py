@@ -30,8 +30,9 @@ LOWEST_PERIGEE = 150e3  # m above the reference radius: below it no satellite co
 class Scenario:
     """What is flown: field, orbit of the trailing satellite, separation in time, sampling and integrator. SI and radians.
 
-    The leading satellite A starts in the state that the trailing one, B, reaches after `tau` seconds. Giving both the same
-    osculating semi-major axis instead would put them on mean axes that differ by half a kilometre.
+    The leading satellite A starts in the state that the trailing one, B, reaches after `tau` seconds. With `start` =
+    "same-elements" it starts on B's osculating elements with a later mean anomaly instead: a pitfall, since the mean
+    semi-major axes then differ by half a kilometre.
 
     Raises ValueError, one sentence each, for a span without epochs, an orbit that is no ellipse or meets the Earth, an output
     step that the integrator's step does not divide, and an unknown integrator.
@@ -52,6 +53,7 @@ class Scenario:
     field: str = ""
     rtol: float = 1e-12
     atol: float = 1e-9
+    start: str = "time-shift"
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -75,6 +77,8 @@ class Scenario:
             )
         if self.tau <= 0:
             raise ValueError(f"tau_s = {self.tau:g} s does not separate the satellites; give a positive time.")
+        if self.start not in ("time-shift", "same-elements"):
+            raise ValueError(f"start = {self.start!r} is unknown; give time-shift or same-elements.")
         if self.integrator not in ("gj", "dop853", "rk45"):
             raise ValueError(f"integrator = {self.integrator!r} is unknown; give gj, dop853 or rk45.")
         if self.integrator != "rk45":
@@ -91,7 +95,7 @@ class Scenario:
         `h_int` = 0 means the integrator's own step: 10 s for Gauss-Jackson, 15 s for DOP853 (5 s where dt needs it).
         """
         p = {**parameters, **changes}
-        given = {name: p[name] for name in ("days", "dt", "n_max", "e", "raan", "argp", "m0", "integrator", "field", "rtol", "atol") if name in p}
+        given = {name: p[name] for name in ("days", "dt", "n_max", "e", "raan", "argp", "m0", "integrator", "field", "rtol", "atol", "start") if name in p}
         if "a_km" in p:
             given["a"] = 1e3 * p["a_km"]
         if "inc_deg" in p:

@@ -12,6 +12,7 @@ E2      EKF + RTS: the smoothed state's own e . da
 U1      UKF + RTS: D9 of the smoothed range-rate, smoothed rho and dv
 U2      UKF + RTS: the smoothed state's own e . da (the paper's "UKF")
 K0      exact rho, rate and dv, range-acceleration by D9 (a control: what a perfect K-band would give)
+P2      EKF + RTS with the weight of E0, e . da: positions alone, weighted for accelerations
 B11     degree-11 splines of the exact rate and of dr: better mathematics instead of a filter
 ======  ======================================================================================================
 """
@@ -29,7 +30,7 @@ from geokalman.grace.model import Array, Observations, Tuning, distance, los_gra
 from geokalman.grace.simulate import OrbitPair, accelerations
 from geokalman.physics.field import GravityField
 
-IDS = ("X", "N1", "N2", "E0", "E1", "E2", "U1", "U2", "K0", "B11")
+IDS = ("X", "N1", "N2", "E0", "E1", "E2", "U1", "U2", "K0", "B11", "P2")
 PAPER = ("N1", "E1", "U2")
 """The paper's three methods under the default interpretation."""
 
@@ -57,7 +58,7 @@ def observables(
     """Line-of-sight gravity differences (n,) [m/s^2] for the wanted ids, in their order.
 
     orbit and gravity serve the controls X, K0 and B11 alone, which no receiver could form; everything else sees `data`.
-    literal: the tuning of E0. Raises ValueError for an unknown id.
+    literal: the tuning of E0 and P2. Raises ValueError for an unknown id.
     """
     wanted = tuple(ids)
     unknown = [name for name in wanted if name not in IDS]
@@ -69,8 +70,9 @@ def observables(
     if {"N1", "N2"} & set(wanted):
         newton = estimate.newton(data)
         out |= {"N1": from_newton(newton, twice=True), "N2": from_newton(newton, twice=False)}
-    if "E0" in wanted:
-        out["E0"] = estimate.ekf(data, literal).filtered.los
+    if {"E0", "P2"} & set(wanted):
+        kinematic = estimate.ekf(data, literal)
+        out |= {"E0": kinematic.filtered.los, "P2": kinematic.smoothed.los}
     if {"E1", "E2"} & set(wanted):
         smoothed = estimate.ekf(data, tuning).smoothed
         out |= {"E1": from_range_rate(smoothed), "E2": smoothed.los}

@@ -1,8 +1,8 @@
 """Recovery of a gravity field from line-of-sight gravity differences: the acceleration approach, equations (47) to (49).
 
 Every epoch gives one equation, e . (g_A - g_B) = observed, linear in the coefficients of degree 2 and above; degrees 0
-and 1 are held. All methods are right-hand sides of one normal matrix. Positions in the design matrix are the true ones:
-the smoothed ones differ by micrometres, which does not show.
+and 1 are held. All methods are right-hand sides of one normal matrix. Positions in the design matrix are the true ones for
+all methods: the smoothed ones differ by micrometres, which does not show.
 """
 
 from __future__ import annotations
@@ -10,33 +10,35 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from geokalman.grace.model import Array, distance, earth_rotation, los_acceleration
+from geokalman.constants import OMEGA_EARTH
+from geokalman.grace.model import Array, distance
 from geokalman.grace.simulate import OrbitPair
-from geokalman.leastsquares import NormalEquations
-from geokalman.physics.frames import eci_to_ecef
-from geokalman.physics.gravity import column_names, design_block
-from geokalman.physics.harmonics import GravityField
+from geokalman.leastsquares import NormalEquations, sum_normals
+from geokalman.physics.field import GravityField
+from geokalman.physics.frames import to_ecef
+from geokalman.physics.partials import column_count, column_names, design_block, from_vector
 
-BLOCK = 2048  # rows accumulated at a time: 83 MB of design matrix at degree 70
-ARC = 16384  # rows one worker sums up before its normal matrix is added to the others
+BLOCK = 2048  # rows of the design matrix that stand in memory at a time: 83 MB at degree 70
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """Estimated coefficients of each observable, (N+1, N+1) arrays C and S, and how the normal matrix stood.
+    """Coefficients (ids, N+1, N+1) recovered from each observable, and how the normal matrix stood.
 
-    `formal` is the standard deviation of each coefficient for unit weight, as C and S arrays; multiply by the standard
-    deviation of an observable [m/s^2].
+    formal_C, formal_S (N+1, N+1): standard deviations for white observations of unit variance [per m/s^2]; condition: ratio
+    of the extreme eigenvalues of the normal matrix scaled to unit diagonal.
     """
 
     n_max: int
-    radius: float
     ids: tuple[str, ...]
-    C: Array  # (ids, N+1, N+1)
+    C: Array
     S: Array
+    formal_C: Array
+    formal_S: Array
     condition: float
     equations: int
     unknowns: int
@@ -47,3 +49,89 @@ class Recovery:
             raise KeyError(f"observable {observable!r} was not recovered; at hand are {', '.join(self.ids)}.")
         k = self.ids.index(observable)
         return self.C[k], self.S[k]
+
+
+def recover(
+    orbit: OrbitPair,
+    gravity: GravityField,
+    observables: Mapping[str, Array],
+    edge: int = 100,
+    n_max: int | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recovery:
+    """Least-squares coefficients of degrees 2 to n_max from each observable, unit weights.
+
+    Parameters
+    ----------
+    orbit : positions of the design matrix
+    gravity : gives GM and the radius of the unknowns, and holds degrees 0 and 1; its own coefficients are not used
+    observables : id -> (n,) line-of-sight gravity difference [m/s^2]
+    edge : epochs left out at either end
+    n_max : highest degree of the unknowns; default that of the field
+    executor : sums blocks of rows in its workers; default is this process, whose BLAS may use several threads
+    progress : called with the share of the rows done
+
+    Returns
+    -------
+    Recovery
+
+    Raises
+    ------
+    ValueError
+        Where the edges leave no epoch, an observable is not finite there (naming the epoch), or the epochs are fewer than the
+        unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
+    """
+    n_max = gravity.n_max if n_max is None else n_max
+    count = len(orbit.t)
+    rows, unknowns = count - 2 * edge, column_count(n_max)
+    if rows < unknowns:
+        raise ValueError(
+            f"{max(rows, 0)} epochs (of {count}, without {edge} at either end) cannot determine the {unknowns} coefficients of degrees "
+            f"2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / 86400:.2f} days, or a lower n_max."
+        )
+    ids = tuple(observables)
+    los = np.column_stack([observables[name] for name in ids])[edge : count - edge]
+    if not np.isfinite(los).all():
+        row, k = np.argwhere(~np.isfinite(los))[0]
+        raise ValueError(f"observable {ids[k]} is not finite at epoch {edge + row}; edge = {edge} must cover the stencils.")
+    inner = slice(edge, count - edge)
+    r_A, r_B = (to_ecef(orbit.t[inner], state[inner, :3], OMEGA_EARTH) for state in (orbit.A, orbit.B))
+    starts = range(0, rows, BLOCK)
+    blocks = ((r_A[k : k + BLOCK], r_B[k : k + BLOCK], los[k : k + BLOCK]) for k in starts)
+    if executor is None:
+        normals = _empty(n_max, len(ids))
+        design = np.empty((min(BLOCK, rows), unknowns))
+        for done, block in enumerate(blocks, 1):
+            _add(normals, gravity.gm, gravity.radius, n_max, block, design)
+            if progress is not None:
+                progress(done / len(starts))
+    else:
+        normals = sum_normals(partial(_block_normals, gravity.gm, gravity.radius, n_max), blocks, executor)
+    solution = normals.factor(overwrite=True)
+    C, S = (np.array(parts) for parts in zip(*(from_vector(x, n_max) for x in solution.estimate.T), strict=True))
+    C[:, 0, 0] = 1.0
+    formal_C, formal_S = from_vector(np.sqrt(solution.variances()), n_max)
+    return Recovery(n_max, ids, C, S, formal_C, formal_S, solution.condition(), rows, unknowns)
+
+
+def _empty(n_max: int, q: int) -> NormalEquations:
+    return NormalEquations(column_count(n_max), q, [f"{kind}[{n},{m}]" for kind, n, m in column_names(n_max)])
+
+
+def _block_normals(gm: float, radius: float, n_max: int, block: tuple[Array, Array, Array]) -> NormalEquations:
+    normals = _empty(n_max, block[2].shape[1])
+    _add(normals, gm, radius, n_max, block, None)
+    return normals
+
+
+def _add(
+    normals: NormalEquations, gm: float, radius: float, n_max: int, block: tuple[Array, Array, Array], design: Array | None
+) -> None:
+    """Add a block of epochs; the observations are reduced by the point mass, which is held."""
+    r_A, r_B, los = block
+    e = (r_A - r_B) / distance(r_A - r_B)[:, None]
+    central = -gm * (r_A / distance(r_A)[:, None] ** 3 - r_B / distance(r_B)[:, None] ** 3)
+    held = np.einsum("ij,ij->i", e, central)
+    rows = design_block(gm, radius, n_max, r_A, r_B, e, None if design is None else design[: len(e)])
+    normals.add(rows, los - held[:, None])

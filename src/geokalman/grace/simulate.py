@@ -55,7 +55,11 @@ class OrbitPair:
 
 def start_states(scenario: Scenario, gravity: GravityField) -> tuple[Array, Array]:
     """Inertial states (6,) of A and B at t = 0 [m, m/s]: A is where B arrives tau seconds later, integrated by DOP853."""
-    B = kepler_to_state((scenario.a, scenario.e, scenario.inc, scenario.raan, scenario.argp, scenario.m0), gravity.gm)
+    elements = (scenario.a, scenario.e, scenario.inc, scenario.raan, scenario.argp)
+    B = kepler_to_state((*elements, scenario.m0), gravity.gm)
+    if scenario.start == "same-elements":
+        later = scenario.m0 + scenario.tau * np.sqrt(gravity.gm / scenario.a**3)
+        return kepler_to_state((*elements, later), gravity.gm), B
     params = gravity_params(gravity, OMEGA_EARTH)
     return integrate(gravity_force, params, B, (scenario.tau, 1), "dop853").y[-1], B
 
