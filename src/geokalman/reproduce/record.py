@@ -15,7 +15,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,11 +25,14 @@ from geokalman.reproduce import atomic, display, parameters, provenance
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.memo import Memo
 
+if TYPE_CHECKING:
+    from geokalman.reproduce.claims import Claim
+
 T = TypeVar("T")
 OUT = "GEOKALMAN_OUT"
 """Environment variable: folder of the run; without it the record goes to `runs/<paper>/<notebook>/interactive`."""
 DPI = 180
-_KEY = re.compile(r"[A-Za-z0-9_]+(\.[A-Za-z0-9_]+)*")
+_KEY = re.compile(r"[A-Za-z0-9_+-]+(\.[A-Za-z0-9_+-]+)*")
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 
 
@@ -197,6 +200,12 @@ class Notebook:
         self._write(record["files"]["csv"], _csv([list(header), *rows]))
         self._shown[name] = record | {"kind": "table"}
         display.show(display.table_bundle(record))
+
+    def claims(self) -> list[Claim]:
+        """The claims of the paper's ledger that this notebook's numbers decide: printed values for its tables."""
+        from geokalman.reproduce import claims
+
+        return claims.decided_by(self._root, self.name)
 
     def verdicts(self) -> None:
         """Show the claims that this notebook's numbers decide; with other parameters than the paper's nothing is judged."""
