@@ -9,6 +9,9 @@ Offsets j = -1, ..., -P predict a new point; j = -8, ..., 8 are central weights.
 steps late, and the sums are started with them in the middle of a Runge-Kutta start arc: one-sided weights at the start would
 lose two orders of magnitude of accuracy (the error of the start grows with the arc, one at the end does not).
 
+With one evaluation a step the predictor alone decides on stability: a force may depend on the velocity, but weakly, with
+|da/dv| h below about 1e-3 (drag in low orbit: 1e-6); DOP853 has no such limit.
+
 Source: Berry & Healy 2004, J. Astronaut. Sci. 52, 331-357 (summed form); Jackson 1924, MNRAS 84, 602-606.
 """
 
