@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_triangular
 
-from geokalman.kalman.dense import cholesky_semidefinite, cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def test_cholesky_is_numpys(spd):
     in_place = spd.copy()
     assert cholesky_upper(in_place, in_place) == 0
     assert np.array_equal(in_place, U)
-    assert cholesky_semidefinite(spd, U) == 0
+    assert root_semidefinite(spd, U) == 0
     np.testing.assert_allclose(U, in_place, rtol=1e-13)
 
 
@@ -45,12 +45,15 @@ def test_first_bad_pivot_is_returned(bad):
 def test_semidefinite_factor_of_a_singular_matrix():
     B = np.random.default_rng(3).standard_normal((5, 2))
     A = B @ B.T
-    U = np.empty((5, 5))
-    assert cholesky_semidefinite(A, U) == 0
-    np.testing.assert_allclose(U.T @ U, A, atol=1e-14)
+    U = np.full((5, 5), np.nan)
+    assert root_semidefinite(A, U) == 0
+    np.testing.assert_allclose(U.T @ U, A, atol=1e-13)
     assert np.array_equal(U[2:], np.zeros((3, 5)))  # rank two: three rows vanish
-    assert cholesky_semidefinite(np.diag([1.0, -1e-3]), np.empty((2, 2))) == 2
-    assert cholesky_semidefinite(np.zeros((2, 2)), np.empty((2, 2))) == 0
+    known = np.diag([0.0, 4.0, 0.0])
+    assert root_semidefinite(known, U3 := np.empty((3, 3))) == 0
+    assert np.array_equal(U3.T @ U3, known)
+    assert root_semidefinite(np.diag([1.0, -1e-3]), np.empty((2, 2))) == 2
+    assert root_semidefinite(np.zeros((2, 2)), np.empty((2, 2))) == 0
 
 
 def test_symmetrise():

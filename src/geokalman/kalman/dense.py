@@ -53,34 +53,45 @@ def cholesky_upper(A: np.ndarray, U: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def cholesky_semidefinite(A: np.ndarray, U: np.ndarray) -> int:
-    """Factor a positive semidefinite A = U' U; a row whose pivot is zero to rounding becomes zero.
+def root_semidefinite(A: np.ndarray, G: np.ndarray) -> int:
+    """Factor a positive semidefinite A = G' G: by `cholesky_upper`, or where that fails with pivoting, then not triangular.
 
-    A pivot counts as zero within n eps A[k, k] (eps the spacing of doubles), the rounding of the subtractions before it.
-    A, U : (n, n) as in `cholesky_upper`. Returns 0, or k >= 1 when the pivot of row k - 1 is negative beyond that.
+    The pivot is the largest relative to its A[k, k]; the factor ends, with rows of zeros, where all of them are below
+    10 n eps (eps the spacing of doubles), the rounding of the subtractions before.
+    A : (n, n) symmetric; G : (n, n) output, not A itself.
+    Returns 0, or k >= 1 when the pivot of row k - 1 is negative beyond rounding.
     """
+    if cholesky_upper(A, G) == 0:
+        return 0
     n = A.shape[0]
-    tolerance = n * 2.220446049250313e-16
-    for i in range(n):
-        for j in range(i):
-            U[i, j] = 0.0
-        for j in range(i, n):
-            U[i, j] = A[i, j]
+    tolerance = 10.0 * n * 2.220446049250313e-16
+    left = np.empty(n)  # what the rows so far leave of the diagonal; zero marks a row that was a pivot
+    for j in range(n):
+        left[j] = A[j, j]
+    for r in range(n):
+        best, p = tolerance, -1
+        for k in range(n):
+            if left[k] > best * A[k, k]:
+                best, p = left[k] / A[k, k], k
+        if p < 0:
+            for i in range(r, n):
+                for j in range(n):
+                    G[i, j] = 0.0
+            break
+        pivot = np.sqrt(left[p])
+        for j in range(n):
+            G[r, j] = 0.0
+            if left[j] != 0.0:
+                total = A[p, j]
+                for i in range(r):
+                    total -= G[i, p] * G[i, j]
+                G[r, j] = total / pivot
+                left[j] -= G[r, j] * G[r, j]
+        G[r, p] = pivot
+        left[p] = 0.0
     for k in range(n):
-        pivot = U[k, k]
-        if not pivot >= -tolerance * A[k, k]:
+        if not left[k] >= -tolerance * A[k, k]:
             return k + 1
-        if pivot <= tolerance * A[k, k]:
-            for j in range(k, n):
-                U[k, j] = 0.0
-            continue
-        root = np.sqrt(pivot)
-        U[k, k] = root
-        for j in range(k + 1, n):
-            U[k, j] /= root
-        for i in range(k + 1, n):
-            for j in range(i, n):
-                U[i, j] -= U[k, i] * U[k, j]
     return 0
 
 

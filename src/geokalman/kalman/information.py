@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_semidefinite, cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
 from geokalman.kalman.linear import Transition, steps
 
@@ -144,17 +144,18 @@ def combine_step(
     """
     n = x.shape[0]
     U, A, W = np.empty((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    status = cholesky_semidefinite(P, U)
+    status = root_semidefinite(P, U)
     if status != 0:
         return status
     for i in range(n):
-        for k in range(i, n):
-            for j in range(n):
-                W[i, j] += U[i, k] * Y[k, j]
+        for k in range(n):
+            if U[i, k] != 0.0:
+                for j in range(n):
+                    W[i, j] += U[i, k] * Y[k, j]
     for i in range(n):
         A[i, i] = 1.0
         for j in range(n):
-            for k in range(j, n):
+            for k in range(n):
                 A[i, j] += W[i, k] * U[j, k]
     cholesky_upper(A, A)  # its eigenvalues are at least one
     solve_lower(A, U)
@@ -287,7 +288,7 @@ def _observations(z, H, R, N: int, n: int) -> tuple[np.ndarray, np.ndarray, np.n
 
 def _root(Q: np.ndarray) -> np.ndarray:
     G = np.empty_like(Q)
-    if cholesky_semidefinite(Q, G) != 0:
+    if root_semidefinite(Q, G) != 0:
         raise NotPositiveDefinite("process noise covariance")
     return G
 
