@@ -241,7 +241,9 @@ def judge_paper(root: Path, paper: str) -> list[Judgement]:
     try:
         return [judge(claim, metrics) for claim in ledger(root, paper)]
     except Fault as error:
-        raise type(error)(f"{error}" if str(error).startswith("book/") else f"book/{paper}/claims.yml, {error}") from error
+        if str(error).startswith("claim "):
+            raise Fault(f"book/{paper}/claims.yml, {error}") from error
+        raise
 
 
 def decided_by(root: Path, notebook: str) -> list[Claim]:
@@ -261,14 +263,14 @@ def row(judgement: Judgement, judged: bool = True) -> list[str]:
     claim, ours = judgement.claim, judgement.ours
     unit = f" {claim.unit}" if claim.unit else ""
 
-    def shown(value: float | str | None) -> str:
+    def shown(value: float | str | None, digits: int = 4) -> str:
         if value is None:
             return ""
-        return value if isinstance(value, str) else f"{display.number(value, 6 if value is claim.printed else 4)}{unit}"
+        return value if isinstance(value, str) else f"{display.number(value, digits)}{unit}"
 
     reads = f"{shown(claim.reads)} ({claim.because})" if claim.reads is not None else ""
     verdict = (judgement.verdict or "not computed") if judged else ""
-    return [claim.where, claim.says, shown(claim.printed), reads, shown(ours), verdict, judgement.why if judged else ""]
+    return [claim.where, claim.says, shown(claim.printed, 6), reads, shown(ours), verdict, judgement.why if judged else ""]
 
 
 def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tuple[list[str], list[list[str]], str]:
@@ -296,8 +298,8 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
     rows = []
     for paper in papers(root):
         counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper))
-        row = [f"[{paper_title(root, paper)}]({prefix}{paper}/index.md)", str(sum(counts.values()))]
-        rows.append(row + [str(counts[v]) for v in VERDICTS] + ([str(counts["not computed"])] if counts["not computed"] else [""]))
+        link = [f"[{paper_title(root, paper)}]({prefix}{paper}/index.md)", str(sum(counts.values()))]
+        rows.append(link + [str(counts[v]) for v in VERDICTS] + [str(counts["not computed"] or "")])
     header = ["Paper", "Claims", *(v.replace("-", " ") for v in VERDICTS), "not computed"]
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]

@@ -107,12 +107,14 @@ def claims(
     from rich.table import Table
 
     for name in wanted:
-        table = Table(*claims.HEADER, title=claims.paper_title(root, name), title_justify="left", padding=(0, 1))
+        table = Table(title=claims.paper_title(root, name), title_justify="left", box=None, padding=(0, 2, 0, 0))
+        for column in ("claim", *claims.HEADER):
+            table.add_column(column, no_wrap=column in ("claim", "Verdict"), overflow="fold")
         for judgement in claims.judge_paper(root, name):
-            moved = "" if judgement.as_expected else f" (expected {judgement.claim.verdict})"
             row = claims.row(judgement)
-            row[5] += moved
-            table.add_row(*map(_plain, row))
+            if not judgement.as_expected:
+                row[5] += f", not {judgement.claim.verdict}"
+            table.add_row(judgement.claim.id, *map(_plain, row))
         _console().print(table)
 
 
@@ -138,10 +140,76 @@ def build(
         print(outcome.book / "index.html")
 
 
-def _console(stderr: bool = False):
+@app.command()
+def compare(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Folder of a run, or a notebook (the book's run of it).")],
+    other: Annotated[str | None, typer.Argument(metavar="[RUN]", help="Another (default: the book's, else the reference).")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 where a number differs by more than --rel.")] = False,
+    rel: Annotated[float, typer.Option(min=0, help="Relative difference that --strict accepts.")] = 1e-9,
+    out: Annotated[Path | None, typer.Option(help="Folder of the page with overlaid figures (default: compare/ in the first run).")] = None,
+) -> None:
+    """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
+    from geokalman.reproduce import compare as comparing
+
+    root = _root()
+    left = comparing.resolve(root, run, Path.cwd())
+    found = comparing.compare(root, left, comparing.resolve(root, other, Path.cwd()) if other else None)
+    print(f"left:  {found.left}\nright: {found.right}")
+    for name, a, b in found.parameters:
+        print(f"  {name}: {a!r} | {b!r}")
+    from rich.table import Table
+
+    table = Table(*comparing.HEADER, box=None, padding=(0, 2, 0, 0))
+    for row in found.rows:
+        table.add_row(*map(_plain, comparing.texts(row)))
+    _console().print(table)
+    moved = comparing.moved(found, rel)
+    sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
+    print(comparing.write_page(found, out or left / "compare"))
+    if strict and moved:
+        raise typer.Exit(1)
+
+
+@app.command()
+def check() -> None:
+    """Hold the paper-scale results against references, anchors, expected verdicts and README."""
+    from geokalman.reproduce import check as checking
+
+    report = checking.check(_root())
+    for problem in report.problems:
+        sys.stderr.write(f"{problem}\n")
+    print(f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: {len(report.problems)} problems")
+    if report.problems:
+        raise typer.Exit(1)
+
+
+@app.command()
+def reference(
+    reason: Annotated[str, typer.Option(help="Why the numbers move; it goes into CHANGELOG.md.")] = "",
+    notebook: Annotated[list[str] | None, typer.Argument(metavar="[NB]...", help="Notebooks (default: all).")] = None,
+    quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
+) -> None:
+    """Renew the stored references from the book's runs and from quick runs, and show what moved."""
+    from geokalman.reproduce import renewal
+
+    moved = renewal.renew(_root(), reason, notebook or None, quick)
+    print(f"{moved} numbers moved or are new")
+
+
+@app.command("notebooks")
+def notebooks_(force: Annotated[bool, typer.Option("--force", help="Overwrite edited twins.")] = False) -> None:
+    """Write plain .ipynb twins beside the sources, for papermill and Jupyter."""
+    from geokalman.reproduce import twins
+
+    for path in twins.write(_root(), force):
+        print(path)
+
+
+def _console():
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=False)
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=200)
 
 
 def _plain(text: str) -> str:
@@ -172,7 +240,7 @@ def main() -> None:
 
 def _leave(message: str, code: int) -> None:
     sys.stdout.flush()
-    sys.stderr.write(f"geokalman: {message}\n")
+    sys.stderr.write(f"{message if message.startswith('Usage') else f'geokalman: {message}'}\n")
     sys.exit(code)
 
 

@@ -69,7 +69,7 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     if not names:
         raise Fault(f"{root / 'book'} has no notebooks; they are MyST files book/<paper>/NN-title.md with a jupytext header.")
     _clear(root, names)
-    shared = _shared_inputs(root)
+    shared = shared_inputs(root)
     keys = {name: key(root, name, shared) for name in names}
     outcome = Outcome(fresh=[name for name in names if is_fresh(run_folder(root, name), keys[name])])
     for name in outcome.fresh:
@@ -121,12 +121,12 @@ def key(root: Path, name: str, shared: str | None = None) -> str:
         "source": text,
         "code": sources.code_hash(modules | _MACHINERY),
         "claims": [c.model_dump(mode="json") for c in claims.decided_by(root, name)] if "verdicts" in code else [],
-        "shared": shared or _shared_inputs(root),
+        "shared": shared or shared_inputs(root),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _shared_inputs(root: Path) -> str:
+def shared_inputs(root: Path) -> str:
     """Hash of what every notebook depends on: vendored data as they stand on disk, locked environment, interpreter."""
     digest = hashlib.sha256(platform.python_version().encode())
     data, lock = root / "data", root / "environment.txt"

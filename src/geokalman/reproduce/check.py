@@ -1,0 +1,93 @@
+"""Do the paper-scale results still say what is stored: references, anchors of the specification, verdicts, README?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from geokalman.reproduce import claims, display, graph, notebooks, reference
+from geokalman.reproduce.errors import Fault
+
+
+@dataclass
+class Report:
+    """What was held against what, and every problem in one sentence."""
+
+    numbers: int = 0
+    anchors: int = 0
+    claims: int = 0
+    problems: list[str] = field(default_factory=list)
+
+
+def check(root: Path) -> Report:
+    """Hold the last build against everything that is stored about it."""
+    report = Report()
+    names = notebooks.names(root)
+    shared = graph.shared_inputs(root)
+    built = []
+    for name in names:
+        folder = graph.run_folder(root, name)
+        if not (folder / "provenance.json").is_file():
+            report.problems.append(f"{name} has no run in the book; execute it with: make book.")
+            continue
+        if not graph.is_fresh(folder, graph.key(root, name, shared)):
+            report.problems.append(f"{name}: its run is older than its sources, or damaged; make it anew with: make book.")
+        built.append(name)
+        _check_reference(root, name, folder, report)
+    for paper in sorted({name.partition("/")[0] for name in names} | set(claims.papers(root))):
+        _check_anchors(root, paper, names, built, report)
+        if paper in claims.papers(root):
+            _check_claims(root, paper, report)
+    try:
+        if not claims.readme_agrees(root):
+            report.problems.append("README.md: its verdicts are not those of the ledgers; renew them with: geokalman claims --readme.")
+    except (Fault, OSError) as error:
+        report.problems.append(str(error))
+    return report
+
+
+def describe(difference: reference.Difference) -> str:
+    """One sentence about a key that moved."""
+    stored, ours = (display.number(v, 7) if v is not None else "nothing" for v in (difference.stored, difference.ours))
+    unit = f" {difference.unit}" if difference.unit else ""
+    return f"{difference.key}: {ours}{unit}, stored is {stored}{unit}: {difference.problem}."
+
+
+def _check_reference(root: Path, name: str, folder: Path, report: Report) -> None:
+    try:
+        found = reference.differences(root, folder, "paper")
+    except Fault as error:
+        report.problems.append(str(error))
+        return
+    report.numbers += len(found)
+    report.problems.extend(f"{name}: {describe(d)}" for d in found if d.problem)
+
+
+def _check_anchors(root: Path, paper: str, names: list[str], built: list[str], report: Report) -> None:
+    try:
+        wanted = reference.anchors(root, paper)
+    except Fault as error:
+        report.problems.append(str(error))
+        return
+    for stray in sorted({a.notebook for a in wanted} - set(names)):
+        report.problems.append(f"tests/reference/{paper}/anchors.yml names {stray}, which is no notebook.")
+    for name in built:
+        mine = [a for a in wanted if a.notebook == name and a.mode == "book"]
+        found = reference.hold(mine, claims.recorded(root, name) or {})
+        report.anchors += len(found)
+        report.problems.extend(f"{name}, anchor {describe(d)}" for d in found if d.problem)
+
+
+def _check_claims(root: Path, paper: str, report: Report) -> None:
+    try:
+        judgements = claims.judge_paper(root, paper)
+    except Fault as error:
+        report.problems.append(str(error))
+        return
+    report.claims += len(judgements)
+    for j in judgements:
+        if not j.as_expected:
+            now = j.verdict or "not computed"
+            report.problems.append(
+                f"book/{paper}/claims.yml, claim {j.claim.id}: {now} ({j.why}; ours {j.ours}), expected {j.claim.verdict}."
+            )
