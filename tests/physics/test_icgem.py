@@ -1,0 +1,207 @@
+"""The ICGEM reader: every keyword and line type, and one clear sentence for every way a file can be wrong."""
+
+import datetime
+import gzip
+import math
+
+import numpy as np
+import pytest
+
+from geokalman.physics.harmonics import load_field
+from geokalman.physics.icgem import GfcError, read_gfc, write_gfc
+
+HEADER = {
+    "product_type": "gravity_field",
+    "modelname": "TOY",
+    "earth_gravity_constant": "0.3986004415E+15",
+    "radius": "0.6378136300E+07",
+    "max_degree": "2",
+    "errors": "no",
+    "norm": "fully_normalized",
+    "tide_system": "tide_free",
+}
+ROWS = ["gfc 0 0 1.0 0.0", "gfc 2 0 -4.8e-4 0.0", "gfc 2 1 -1.8e-10 1.2e-9", "gfc 2 2 2.4e-6 -1.4e-6"]
+
+
+def gfc(folder, rows=ROWS, name="toy.gfc", end=True, before="some words\n", **header):
+    lines = [f"{key}   {value}" for key, value in {**HEADER, **header}.items() if value is not None]
+    text = before + "\n".join([*lines, *(["end_of_head ======"] if end else []), *rows]) + "\n"
+    path = folder / name
+    path.write_bytes(gzip.compress(text.encode()) if name.endswith(".gz") else text.encode())
+    return path
+
+
+def test_header_and_coefficients(tmp_path):
+    field = read_gfc(gfc(tmp_path))
+    assert (field.name, field.gm, field.radius, field.n_max) == ("TOY", 3.986004415e14, 6378136.3, 2)
+    assert field.tide_system == "tide_free" and field.sigma_C is None
+    assert field.C[2, 0] == -4.8e-4 and field.S[2, 1] == 1.2e-9 and field.C[0, 0] == 1.0 and field.C[1, 0] == 0.0
+
+
+def test_alternative_keyword_gzip_blank_lines_and_absent_degree_zero(tmp_path):
+    rows = ["", *ROWS[1:], "  "]
+    header = {"earth_gravity_constant": None, "gravity_constant": "4e14", "modelname": None, "errors": None, "norm": None}
+    field = read_gfc(gfc(tmp_path, rows, name="toy.gfc.gz", **header))
+    assert field.gm == 4e14 and field.name == "toy" and field.C[0, 0] == 1.0
+
+
+def test_words_before_begin_of_head_do_not_count(tmp_path):
+    field = read_gfc(gfc(tmp_path, before="radius 1.0\nbegin_of_head ====\n"))
+    assert field.radius == 6378136.3
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("-0.48D-03", -4.8e-4), ("-.48d-3", -4.8e-4), ("-0.48E-003", -4.8e-4), ("-4.8-104", -4.8e-104), ("1.5+100", 1.5e100)],
+)
+def test_numbers_as_fortran_writes_them(tmp_path, written, value):
+    assert read_gfc(gfc(tmp_path, [f"gfc 2 0 {written} 0.0D0", *ROWS[2:]])).C[2, 0] == value
+
+
+@pytest.mark.parametrize(("word", "system"), [("zero", "zero_tide"), ("Mean_Tide", "mean_tide"), ("free", "tide_free"), ("?", "unknown")])
+def test_tide_systems_as_files_spell_them(tmp_path, word, system):
+    assert read_gfc(gfc(tmp_path, tide_system=word)).tide_system == system
+
+
+def test_errors_calibrated_before_formal(tmp_path):
+    rows = [row + " 1e-12 2e-12 3e-12 4e-12" for row in ROWS]
+    field = read_gfc(gfc(tmp_path, rows, errors="calibrated_and_formal"))
+    assert field.sigma_C[2, 2] == 1e-12 and field.sigma_S[2, 2] == 2e-12
+
+
+def test_errors_found_where_the_header_is_silent(tmp_path):
+    field = read_gfc(gfc(tmp_path, [row + " 1e-12 2e-12" for row in ROWS], errors=None))
+    assert field.sigma_S[2, 1] == 2e-12
+
+
+def test_meaningless_s_n0_is_dropped(tmp_path):
+    assert read_gfc(gfc(tmp_path, ["gfc 2 0 -4.8e-4 3e-14", *ROWS[2:]])).S[2, 0] == 0.0
+
+
+def test_unnormalised_coefficients_are_normalised_by_the_factorials(tmp_path):
+    J2, C21, C22, S22 = 1.0826e-3, -3e-10, 1.57e-6, -9.0e-7
+    rows = [f"gfc 2 0 {-J2} 0", f"gfc 2 1 {C21} 0", f"gfc 2 2 {C22} {S22}"]
+    field = read_gfc(gfc(tmp_path, rows, norm="unnormalized"))
+    factor = lambda n, m: math.sqrt((2 - (m == 0)) * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
+    assert field.C[2, 0] == pytest.approx(-J2 / math.sqrt(5.0), rel=1e-15)
+    assert field.C[2, 1] == pytest.approx(C21 / factor(2, 1), rel=1e-15)
+    assert field.C[2, 2] == pytest.approx(C22 / factor(2, 2), rel=1e-15)
+    assert field.S[2, 2] == pytest.approx(S22 / factor(2, 2), rel=1e-15)
+
+
+def test_unnormalised_beyond_float64_is_refused(tmp_path):
+    rows = [f"gfc {n} {m} 0 0" for n in range(2, 152) for m in range(n + 1)]
+    with pytest.raises(GfcError, match="to degree 151 leave the range of float64; at most 150"):
+        read_gfc(gfc(tmp_path, rows, norm="unnormalized", max_degree=151))
+
+
+VARIABLE = [*ROWS[:1], "gfct 2 0 -4.8e-4 0.0 20050101", "trnd 2 0 1.1e-11 0.0", "acos 2 0 4e-11 0.0 1.0",
+            "asin 2 0 5e-11 0.0 0.5", *ROWS[2:]]  # fmt: skip
+
+
+def test_time_variable_coefficient_at_its_reference_epoch(tmp_path):
+    assert read_gfc(gfc(tmp_path, VARIABLE)).C[2, 0] == -4.8e-4
+
+
+def test_time_variable_coefficient_at_an_epoch(tmp_path):
+    field = read_gfc(gfc(tmp_path, VARIABLE), epoch=datetime.date(2007, 4, 2))
+    years = (datetime.date(2007, 4, 2) - datetime.date(2005, 1, 1)).days / 365.25
+    wanted = -4.8e-4 + 1.1e-11 * years + 4e-11 * math.cos(2 * math.pi * years) + 5e-11 * math.sin(4 * math.pi * years)
+    assert field.C[2, 0] == pytest.approx(wanted, rel=1e-15)
+    assert field.C[2, 0] != -4.8e-4
+
+
+INTERVALS = ["gfct 2 0 -4.8e-4 0.0 20000101.0000 20100101.1200", "trnd 2 0 1e-11 0.0 20000101 20100101.1200",
+             "gfct 2 0 -4.9e-4 0.0 20100101.1200 20200101", "asin 2 0 1e-11 0.0 20100101.1200 20200101 1.0",
+             *ROWS[2:]]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("epoch", "base", "slope"),
+    [(datetime.date(2001, 1, 1), -4.8e-4, 1e-11 * 366 / 365.25), (datetime.datetime(2010, 1, 1, 12), -4.9e-4, 0.0)],
+)
+def test_second_format_takes_the_interval_of_the_epoch(tmp_path, epoch, base, slope):
+    path = gfc(tmp_path, INTERVALS, format="icgem2.0")
+    assert read_gfc(path, epoch).C[2, 0] == pytest.approx(base + slope, rel=1e-15)
+
+
+def test_second_format_without_an_epoch_asks_for_one(tmp_path):
+    path = gfc(tmp_path, INTERVALS, format="icgem2.0")
+    with pytest.raises(GfcError, match=r"line 14: coefficient \(2, 0\) has 2 gfct lines, first in line 12; give one epoch"):
+        read_gfc(path)
+    with pytest.raises(GfcError, match="no gfct line covers 2030-01-01"):
+        read_gfc(path, datetime.date(2030, 1, 1))
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"rows": ROWS[:3]}, r"1 coefficients up to its max_degree 2 are missing, \(degree, order\) = \(2, 2\)"),
+        ({"rows": []}, r"3 coefficients .* are missing, .* = \(2, 0\), \(2, 1\), \(2, 2\); the file is truncated"),
+        ({"rows": [*ROWS, ROWS[2]]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
+        ({"rows": [*ROWS, "gfct 2 1 0 0 20050101"]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
+        ({"rows": [*ROWS[:3], "gfc 2 2 2.4e-6"]}, "line 14: 4 columns where 5 are needed .* truncated"),
+        ({"errors": "formal"}, "line 11: 5 columns where 7 are needed"),
+        ({"rows": ["gfc 2 0 abc 0.0"]}, "line 11: 'abc' is not a number"),
+        ({"rows": ["gfc 2 0 nan 0.0"]}, "line 11: 'nan' is not finite"),
+        ({"rows": ["gfc 2 0 1e999 0.0"]}, "line 11: '1e999' is not finite"),
+        ({"rows": ["gfc 2 x 1.0 0.0"]}, "line 11: degree and order '2 x' must be integers"),
+        ({"rows": ["gfc 2 3 1.0 0.0"]}, "line 11: degree 2 and order 3 must satisfy"),
+        ({"rows": ["gfc 3 0 1.0 0.0"]}, "line 11: degree 3 exceeds the header's max_degree 2"),
+        ({"rows": ["2 0 1.0 0.0"]}, "line 11: '2' begins no data line"),
+        ({"rows": ["trnd 2 0 1.0 0.0"]}, r"line 11: coefficient \(2, 0\) is time-variable, but no gfct line gives its value"),
+        ({"rows": ["gfct 2 0 1.0 0.0 2005-01-01"]}, "line 11: '2005-01-01' is no date of the form yyyymmdd"),
+        ({"rows": ["acos 2 0 1.0 0.0 -1.0"]}, r"line 11: period -1.0 must be positive \(years\)"),
+        ({"rows": ["gfc 0 0 0.9 0", *ROWS[1:]]}, r"TOY: C\[0, 0\] = 0.9 must be 1"),
+        ({"end": False}, "no line 'end_of_head'"),
+        ({"earth_gravity_constant": None}, "the header lacks GM"),
+        ({"radius": None}, "the header lacks the reference radius"),
+        ({"max_degree": None}, "the header lacks the line 'max_degree'"),
+        ({"max_degree": "two"}, "line 6: 'two' is not a number"),
+        ({"max_degree": "2.5"}, "line 6: max_degree = 2.5 must be an integer"),
+        ({"radius": "-1"}, "line 5: radius = -1 must be positive"),
+        ({"norm": "schmidt"}, "line 8: norm 'schmidt' is unknown; known are fully_normalized, unnormalized"),
+        ({"errors": "many"}, "line 7: errors 'many' is unknown; known are no, calibrated, formal"),
+        ({"product_type": "topography"}, "line 2: product_type 'topography' is unknown"),
+    ],
+)
+def test_one_sentence_for_each_way_to_be_wrong(tmp_path, changes, says):
+    path = gfc(tmp_path, **{k: v for k, v in changes.items()})
+    with pytest.raises(GfcError, match=says) as caught:
+        read_gfc(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_truncated_gzip(tmp_path):
+    path = gfc(tmp_path, name="toy.gfc.gz")
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(GfcError, match="the gzip stream is damaged or truncated"):
+        read_gfc(path)
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(FileNotFoundError, match="No gravity field at .*none.gfc; give the path of an ICGEM .gfc file"):
+        read_gfc(tmp_path / "none.gfc")
+
+
+@pytest.mark.parametrize("name", ["copy.gfc", "copy.gfc.gz"])
+def test_written_fields_come_back_bit_by_bit(tmp_path, name):
+    jgm3 = load_field("JGM3", 12)
+    write_gfc(jgm3, tmp_path / name)
+    assert read_gfc(tmp_path / name) == jgm3
+    assert load_field(tmp_path / name, 8) == jgm3.truncate(8)
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_a_field_without_errors_is_written_without(tmp_path):
+    egm96 = load_field("EGM96", 5)
+    path = write_gfc(egm96, tmp_path / "egm96.gfc")
+    assert "errors                      no" in path.read_text()
+    assert np.array_equal(read_gfc(path).C, egm96.C)
+
+
+def test_failed_writing_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        write_gfc(load_field("EGM96", 3), tmp_path / "x.gfc")
+    assert list(tmp_path.iterdir()) == []
