@@ -54,6 +54,14 @@ def pair_difference(one: OrbitPair, other: OrbitPair) -> tuple[float, float]:
     return float(np.abs(rates).max()), float(distance(one.dr - other.dr).max())
 
 
+def drift_per_revolution(orbit: OrbitPair, revolution: float) -> float:
+    """Secular change of the range [m] per revolution [s]: mean over the last revolution minus that over the first."""
+    rho, k = distance(orbit.dr), round(revolution / orbit.dt)
+    if len(rho) < 2 * k:
+        raise ValueError(f"{len(rho)} epochs are fewer than two revolutions of {k} epochs; give more days.")
+    return float((rho[-k:].mean() - rho[:k].mean()) / (len(rho) / k - 1))
+
+
 def largest_node_gap(orbit: OrbitPair, days: Sequence[float]) -> list[float]:
     """Largest gap in longitude [deg] between the trailing satellite's ascending nodes on the Earth, after so many days.
 

@@ -19,7 +19,8 @@ from geokalman.style import METHODS, ink
 
 def orbits_3d(A: Array, B: Array) -> Figure:
     """Figure 1: orbits of A and B in the inertial frame; A, B are (n, 3) positions [m]."""
-    figure = plt.figure(figsize=(7.2, 3.8))
+    figure = plt.figure(figsize=(7.2, 4.0), layout="none")  # constrained layout does not know the extent of 3-D labels
+    figure.subplots_adjust(left=0.0, right=0.94, bottom=0.05, top=0.95, wspace=0.08)
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 37), np.linspace(-np.pi / 2, np.pi / 2, 19))
     globe = A_EARTH / 1e6 * np.array([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)])
     for k, (name, position, method) in enumerate((("A", A, "ekf"), ("B", B, "newton"))):
@@ -27,7 +28,7 @@ def orbits_3d(A: Array, B: Array) -> Figure:
         axes.plot_wireframe(*globe, color=METHODS["exact"].colour, linewidth=0.3, rstride=2, cstride=2, alpha=0.7)
         axes.plot(*(position.T / 1e6), color=METHODS[method].colour, linewidth=0.9)
         axes.set(xlabel="x [1000 km]", ylabel="y [1000 km]", zlabel="z [1000 km]", title=f"({'ab'[k]}) satellite {name}")
-        axes.set_box_aspect((1, 1, 1))
+        axes.set_box_aspect((1, 1, 1), zoom=0.95)
         for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
             axis.set_major_locator(MaxNLocator(4, integer=True))
             axis.set_pane_color((0, 0, 0, 0))
@@ -49,6 +50,9 @@ def node_gaps(days: Sequence[float], gaps: Sequence[float]) -> Figure:
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     axes.semilogy(days, gaps, color=METHODS["truth"].colour, drawstyle="steps-post")
     axes.set(xlabel="length of the simulation [d]", ylabel="largest gap between nodes [deg]")
+    ticks = [x for x in (0.5, 1, 2, 5, 10, 20, 50, 100, 200) if 0.5 * min(gaps) <= x <= 2 * max(gaps)]
+    axes.set_yticks(ticks, [f"{x:g}" for x in ticks])
+    axes.minorticks_off()
     axes.axhline(180 / 70, color=METHODS["neutral"].colour, linestyle=":", label="half a wavelength at degree 70")
     axes.legend()
     return figure
@@ -124,7 +128,7 @@ def literal_filter(t: Array, residual: Array, sigma: Array) -> Figure:
     axes.plot(t / 3600, 1e3 * residual, color=method.colour, label="residual, no smoother")
     axes.axhline(0, color=ink(), linewidth=0.6)
     axes.set(xlabel="time [h]", ylabel="range-rate residual [mm/s]")
-    axes.legend()
+    figure.legend(loc="outside upper right", ncols=2)
     return figure
 
 
@@ -136,14 +140,14 @@ def dial(sigmas: Array, rate_std: Array, los_std: Array, chosen: float, printed:
     axes.axhline(printed, color=ink(), linewidth=0.8, linestyle="--")
     axes.annotate("printed in Table 1 (mended)", (sigmas[0], printed), textcoords="offset points", xytext=(2, 4), fontsize=9)
     axes.axvline(chosen, color=METHODS["neutral"].colour, linestyle=":")
-    axes.annotate("default", (chosen, rate_std.min()), textcoords="offset points", xytext=(-4, 4), rotation=90, ha="right", fontsize=9)
+    axes.annotate("default", (chosen, rate_std.min()), textcoords="offset points", xytext=(-4, 0), rotation=90, ha="right", fontsize=9)
     axes.set(xlabel="assumed standard deviation of the range-rate [m/s]", ylabel="std of range-rate [m/s]")
     twin = axes.twinx()
     twin.grid(False)
     twin.spines["right"].set_visible(True)
     (los,) = twin.semilogx(sigmas, 1e9 * los_std, color=other.colour, linestyle=other.line, marker=other.marker, label="e·Δa error [nm/s²]")
     twin.set(ylabel="std of e·Δa [nm/s²]", ylim=(0, None))
-    axes.legend(handles=[rate, los], loc="lower right")
+    figure.legend(handles=[rate, los], loc="outside upper center", ncols=2)
     return figure
 
 

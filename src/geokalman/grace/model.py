@@ -157,9 +157,9 @@ class Tuning:
         """The tuning of a notebook's parameters; `filter_sigma_r` and `filter_sigma_rr`, where given, set the sigmas directly."""
         p = {**parameters, **changes}
         given = {name: p[name] for name in ("lambda_q", "mu", "sigma_r", "alpha", "beta", "kappa") if name in p}
-        if p.get("filter_sigma_r"):
+        if p.get("filter_sigma_r") is not None:
             given["sigma_r"] = p["filter_sigma_r"]
-        if p.get("filter_sigma_rr"):
+        if p.get("filter_sigma_rr") is not None:
             given["mu"] = p["filter_sigma_rr"] * dt / given.get("sigma_r", cls.sigma_r)
         return cls(**given)
 
