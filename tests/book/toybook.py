@@ -143,7 +143,7 @@ def notebook() -> nbformat.NotebookNode:
     """The executed notebook of the toy page."""
     new = nbformat.v4
     figure = {
-        "name": "wave", "caption": "A wave of height $h$.", "alt": "A sine of five periods", "width": 720,
+        "name": "wave", "caption": "A wave of height $h$.", "alt": 'A "sine": 100 % of #1 [five] periods', "width": 720,
         "files": {"light": "figures/wave.light.png", "dark": "figures/wave.dark.png", "csv": "figures/wave.csv"},
         "data_every": 2,
     }  # fmt: skip
@@ -170,8 +170,9 @@ def notebook() -> nbformat.NotebookNode:
         code("nb.table('rms', rows)", {TABLE_TYPE: table, "text/html": "<table>"}),
         code("print('x' * 200)"),
         code("nb.verdicts()", {TABLE_TYPE: verdicts}),
-        code("nb.finish()"),
+        code("print('the end')\nnb.finish()"),
     ]
     cells[-3].outputs = [new.new_output("stream", name="stdout", text="x" * 200 + "\n")]
+    cells[-1].outputs = [new.new_output("stream", name="stdout", text="the end\nRecorded 1 numbers.\n")]
     metadata = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
     return new.new_notebook(cells=cells, metadata=metadata)

@@ -1,0 +1,87 @@
+"""Blocks of the prose that are generated when the book is staged, each called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+from geokalman.reproduce import claims, notebooks
+from geokalman.reproduce.errors import Fault
+
+_LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
+
+
+def fill(text: str, root: Path) -> str:
+    """Replace each line that calls a block by the block; raises Fault for an argument too many or too few."""
+
+    def block(match: re.Match[str]) -> str:
+        name, argument = match.groups()
+        if name not in BLOCKS:
+            return match.group(0)  # an ordinary comment
+        make, wanted = BLOCKS[name]
+        if bool(argument) != bool(wanted):
+            right = f"<!-- {name}: {wanted} -->" if wanted else f"<!-- {name} -->"
+            raise Fault(f"{match.group(0).strip()} is no block; write {right}.")
+        return f"\n{make(root, argument) if wanted else make(root)}\n"
+
+    return _LINE.sub(block, text)
+
+
+def run_times(root: Path) -> str:
+    """Table of the notebooks with the time that each took in this build."""
+    rows, total = [], 0.0
+    for name in notebooks.names(root):
+        path = root / "book" / "_build" / "runs" / name / "provenance.json"
+        if path.is_file():
+            told = json.loads(path.read_text(encoding="utf-8"))
+            total += told["seconds"]
+            rows.append(f"| [{notebooks.title(root, name)}](/{name}.md) | {told['seconds']:.1f} |")
+    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, f"| all | {total:.1f} |"])
+
+
+def api(root: Path) -> str:
+    """The public functions and classes of the package, module by module: signature and first sentence."""
+    package = root / "src" / "geokalman"
+    parts = []
+    for path in sorted(package.rglob("*.py")):
+        names = path.relative_to(package.parent).with_suffix("").parts
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        public = [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_" and ast.get_docstring(n)]
+        if public and "reproduce" not in names:
+            dotted = ".".join(names[:-1] if names[-1] == "__init__" else names)
+            parts += [f"## `{dotted}`", "", _sentence(tree), ""]
+            for node in public:
+                parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
+    return "\n".join(parts)
+
+
+def _signature(node: ast.FunctionDef | ast.ClassDef) -> str:
+    if isinstance(node, ast.ClassDef):
+        return f"class {node.name}"
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
+    if node.args.vararg:
+        names.append(f"*{node.args.vararg.arg}")
+    elif node.args.kwonlyargs:
+        names.append("*")
+    names += [a.arg for a in node.args.kwonlyargs]
+    return f"{node.name}({', '.join(names)})"
+
+
+def _sentence(node: ast.AST) -> str:
+    """First sentence of a docstring, its markup characters outside of `code` made harmless."""
+    text = " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
+    text = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", text)[0]
+    plain = re.sub(r"``?([^`]+)``?", r"`\1`", text).split("`")
+    return "`".join(part if k % 2 else re.sub(r"([\\*_\[\]<>$|{}#~^])", r"\\\1", part) for k, part in enumerate(plain))
+
+
+BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
+    "verdicts": (claims.verdicts_markdown, "PAPER"),
+    "verdict-summary": (claims.summary_markdown, ""),
+    "run-times": (run_times, ""),
+    "api": (api, ""),
+}
+"""Name -> what makes it, and the name of its argument, if it has one."""
