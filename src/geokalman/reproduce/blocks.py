@@ -1,4 +1,5 @@
-"""Blocks of the prose that are generated when the book is staged, each called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`."""
+"""What the prose has filled in when the book is staged: blocks, called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`,
+and recorded numbers, called by `[[<paper>/<notebook>:<key>]]` within a sentence."""
 
 from __future__ import annotations
 
@@ -8,14 +9,15 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from geokalman.reproduce import claims, notebooks
+from geokalman.reproduce import claims, display, notebooks
 from geokalman.reproduce.errors import Fault
 
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
+_NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
 
 
 def fill(text: str, root: Path) -> str:
-    """Replace each line that calls a block by the block; raises Fault for an argument too many or too few."""
+    """Replace each call of a block or of a recorded number; raises Fault for an argument too many or too few, or an unknown number."""
 
     def block(match: re.Match[str]) -> str:
         name, argument = match.groups()
@@ -27,7 +29,17 @@ def fill(text: str, root: Path) -> str:
             raise Fault(f"{match.group(0).strip()} is no block; write {right}.")
         return f"\n{make(root, argument) if wanted else make(root)}\n"
 
-    return _LINE.sub(block, text)
+    return _NUMBER.sub(lambda match: recorded_number(root, *match.groups()), _LINE.sub(block, text))
+
+
+def recorded_number(root: Path, notebook: str, key: str) -> str:
+    """A recorded number of this build with its unit, for a sentence; raises Fault where there is none of that name."""
+    metrics = claims.recorded(root, notebook)
+    if metrics is None or key not in metrics:
+        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {', '.join(metrics or {}) or 'nothing yet'}.")
+    value, unit = metrics[key]["value"], metrics[key]["unit"]
+    text = display.number(value, 3)
+    return f"{text} {unit}" if unit else text
 
 
 def run_times(root: Path) -> str:
