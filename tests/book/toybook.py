@@ -132,7 +132,10 @@ def run(folder: Path) -> None:
     np.savetxt(folder / "figures" / "wave.csv", np.column_stack([x, np.sin(x)]), delimiter=",", header="t_s,h_m")
     (folder / "tables" / "rms.csv").write_text("method,rms / m\nUKF,0.7\nEKF,0.8\n")
     (folder / "tables" / "verdicts.csv").write_text("claim,verdict\na,calibrated\n")
-    (folder / "metrics.json").write_text(json.dumps({"wave.rms": {"value": 0.70711, "unit": "m"}}))
+    metrics = folder.parents[2] / "metrics" / f"{PAGE}.json"
+    metrics.parent.mkdir(parents=True, exist_ok=True)
+    for path in (folder / "metrics.json", metrics):
+        path.write_text(json.dumps({"wave.rms": {"value": 0.70711, "unit": "m"}}))
     (folder / "provenance.json").write_text(
         json.dumps(_PROVENANCE)
     )
@@ -174,5 +177,7 @@ def notebook() -> nbformat.NotebookNode:
     ]
     cells[-3].outputs = [new.new_output("stream", name="stdout", text="x" * 200 + "\n")]
     cells[-1].outputs = [new.new_output("stream", name="stdout", text="the end\nRecorded 1 numbers.\n")]
+    for number, cell in enumerate(cells):
+        cell["id"] = f"toy-{number}"
     metadata = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
     return new.new_notebook(cells=cells, metadata=metadata)
