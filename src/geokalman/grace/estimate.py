@@ -20,6 +20,7 @@ from geokalman.kalman.smoothing import rts_mean_step, rts_step
 from geokalman.kalman.unscented import sigma_points_step, spread, unscented_update_step
 
 N = 9
+SIGMA_POINTS = 2 * N + 1
 Update = Literal["sequential", "simultaneous"]
 _POSITION_ONLY, _EKF, _UKF, _EKF_JOINT, _UKF_JOINT = range(5)
 
@@ -170,9 +171,9 @@ def _position_update(x, P, z, r, H, innovation):
 def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x, P, innovations):
     """All epochs forward; returns -1, or the epoch at which a covariance is not positive definite."""
     n = len(rates)
-    H, chi, U = np.zeros(N), np.empty((2 * N + 1, N)), np.empty((N, N))
-    gamma1, z1, R1, S1, white1 = np.empty((2 * N + 1, 1)), np.empty(1), np.full((1, 1), s), np.empty((1, 1)), np.empty(1)
-    gamma4, z4, S4, white4 = np.empty((2 * N + 1, 4)), np.empty(4), np.empty((4, 4)), np.empty(4)
+    H, chi, U = np.zeros(N), np.empty((SIGMA_POINTS, N)), np.empty((N, N))
+    gamma1, z1, R1, S1, white1 = np.empty((SIGMA_POINTS, 1)), np.empty(1), np.full((1, 1), s), np.empty((1, 1)), np.empty(1)
+    gamma4, z4, S4, white4 = np.empty((SIGMA_POINTS, 4)), np.empty(4), np.empty((4, 4)), np.empty(4)
     R4, H4 = np.diag(np.array([r, r, r, s])), np.zeros((4, N))
     for k in range(n):
         if k == 0:
@@ -190,7 +191,7 @@ def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x
             if kind == 4:
                 if sigma_points_step(x[k], P[k], c, chi, U) != 0:
                     return k
-                for i in range(2 * N + 1):
+                for i in range(SIGMA_POINTS):
                     gamma4[i, :3] = chi[i, :3]
                     gamma4[i, 3] = _range_rate_row(chi[i], H)
                 status = unscented_update_step(x[k], P[k], U, gamma4, z4, R4, c, w, S4, white4)
@@ -211,7 +212,7 @@ def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x
         if kind == 2 or kind == 4:
             if sigma_points_step(x[k], P[k], c, chi, U) != 0:
                 return k
-            for i in range(2 * N + 1):
+            for i in range(SIGMA_POINTS):
                 gamma1[i, 0] = _range_rate_row(chi[i], H)
             z1[0] = rates[k]
             if unscented_update_step(x[k], P[k], U, gamma1, z1, R1, c, w, S1, white1) != 0:
