@@ -68,7 +68,9 @@ def pack_gradient(field: GravityField, n_max: int | None = None) -> np.ndarray:
     columns = []
     for i, j in SERIES:
         columns += [k * part[n, m] for part in derivative(*first[i], j)]
-    return np.concatenate([[field.gm, field.radius, n_max + 2], monic_recursion(n_max + 2), np.stack(columns, axis=1).ravel()])
+    header = [field.gm, field.radius, n_max + 2]
+    beta = [monic_recursion(n_max + 2, order) for order in range(n_max + 3)]
+    return np.concatenate([header, *beta, np.stack(columns, axis=1).ravel()])
 
 
 @njit(cache=True, fastmath={"contract"})

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.gravity import checked_points, monic_factors
+from geokalman.physics.simd import LANES, load, mul, muladd, splat, store
 
 
 def column_count(n_max: int) -> int:
@@ -59,13 +60,19 @@ def _places(n_max: int) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray
 
 
 @functools.lru_cache(maxsize=8)
-def _factors(n_max: int) -> np.ndarray:
-    return monic_factors(n_max)
+def row_table(n_max: int) -> np.ndarray:
+    """Table of `design_row` (n_max+2, W): m in row 0, then the factors k_nm of each degree; W fits whole vectors."""
+    width = LANES * ((n_max + 1 + LANES) // LANES) + LANES
+    table = np.zeros((n_max + 2, width))
+    table[0] = np.arange(width)
+    table[1:, : n_max + 1] = monic_factors(n_max)
+    table.flags.writeable = False
+    return table
 
 
 @njit(cache=True, fastmath={"contract"})
 def _prepare(r, e, gm, radius, n_max, c, s):
-    """Fill c, s (3, n_max+1): factors of p, n p and dp/dZ in the partials at r, order by order; returns Z and Q."""
+    """Fill c, s (3, W): factors of p, n p and dp/dZ in the partials at r, order by order; returns Z and Q."""
     f = radius / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     x, y, z, q = f * r[0], f * r[1], f * r[2], radius * f
     g = gm / (radius * radius) * math.sqrt(q)
@@ -83,57 +90,66 @@ def _prepare(r, e, gm, radius, n_max, c, s):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _degree(n, z, q, p, older):
-    """Overwrite the monic functions of degree n-2, `older`, by those of degree n; p holds degree n-1."""
-    d = (n - 1.0) * (n - 1.0)
-    scale = q / (4.0 * d - 1.0)
-    for m in range(n - 1):
-        older[m] = z * p[m] - scale * (d - m * m) * older[m]
-    older[n - 1] = z * p[n - 1]
+def _degree(n, z, q, p, older, orders):
+    """Overwrite the monic functions of degree n-2, `older`, by those of degree n; p holds degree n-1, zero for m > n-1."""
+    square = (n - 1.0) * (n - 1.0)
+    scale = q / (4.0 * square - 1.0)
+    zs, top, slope = splat(z), splat(-scale * square), splat(scale)
+    for m in range(0, n + 1, LANES):
+        order = load(orders, m)
+        beta = muladd(slope, mul(order, order), top)  # -beta Q
+        store(older, m, muladd(zs, load(p, m), mul(beta, load(older, m))))
     older[n] = 1.0
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_degree(n, p, factor, c, s, row_c, row_s):
-    for m in range(n + 1):
-        slope = (n - m) * p[m + 1]
-        row_c[m] += factor[m] * (p[m] * (c[0, m] + n * c[1, m]) + slope * c[2, m])
-    for m in range(1, n + 1):
-        slope = (n - m) * p[m + 1]
-        row_s[m - 1] += factor[m] * (p[m] * (s[0, m] + n * s[1, m]) + slope * s[2, m])
+def _add_degree(n, first, p, orders, factor, f, row, at):
+    """Add the partials of degree n and orders first..n to row[at:]; f (3, W) are the factors that `_prepare` found."""
+    f0, f1, f2 = f[0], f[1], f[2]
+    degree, minus = splat(float(n)), splat(-1.0)
+    m = first
+    while m + LANES <= n + 1:
+        slope = mul(muladd(minus, load(orders, m), degree), load(p, m + 1))  # dp/dZ
+        value = muladd(load(p, m), muladd(degree, load(f1, m), load(f0, m)), mul(slope, load(f2, m)))
+        store(row, at, muladd(load(factor, m), value, load(row, at)))
+        m += LANES
+        at += LANES
+    while m <= n:
+        row[at] += factor[m] * (p[m] * (f0[m] + n * f1[m]) + (n - m) * p[m + 1] * f2[m])
+        m += 1
+        at += 1
 
 
 @njit(cache=True)
-def design_row(rA, rB, e, gm, radius, factors, out):
+def design_row(rA, rB, e, gm, radius, table, out):
     """Partials of e.(g_A - g_B) with respect to the coefficients, one row of the design matrix.
 
-    rA, rB (3,) Earth-fixed positions [m]; e (3,) Earth-fixed unit vector; factors (N+1, N+1) from `monic_factors`;
+    rA, rB (3,) Earth-fixed positions [m]; e (3,) Earth-fixed unit vector; table from `row_table`;
     out ((N+1)^2 - 4,) [m s^-2] in the order of `column_names`.
     """
-    n_max = factors.shape[0] - 1
-    first_s = (n_max + 1) * (n_max + 2) // 2 - 3
+    n_max, width = table.shape[0] - 2, table.shape[1]
+    orders = table[0]
     out[:] = 0.0
-    c, s = np.empty((3, n_max + 1)), np.empty((3, n_max + 1))
+    c, s = np.empty((3, width)), np.empty((3, width))
     for satellite in range(2):
         sign = 1.0 - 2.0 * satellite
         z, q = _prepare(rB if satellite else rA, e, sign * gm, radius, n_max, c, s)
-        even, odd = np.zeros(n_max + 2), np.zeros(n_max + 2)
+        even, odd = np.zeros(width + LANES), np.zeros(width + LANES)
         even[0], odd[0], odd[1] = 1.0, z, 1.0
+        at_c, at_s = 0, (n_max + 1) * (n_max + 2) // 2 - 3
         for n in range(2, n_max + 1):
-            if n % 2 == 0:
-                p = even
-                _degree(n, z, q, odd, even)
-            else:
-                p = odd
-                _degree(n, z, q, even, odd)
-            i, j = n * (n + 1) // 2 - 3, first_s + n * (n - 1) // 2 - 1
-            _add_degree(n, p, factors[n], c, s, out[i : i + n + 1], out[j : j + n])
+            p, older = (odd, even) if n % 2 == 0 else (even, odd)
+            _degree(n, z, q, p, older, orders)
+            _add_degree(n, 0, older, orders, table[n + 1], c, out, at_c)
+            _add_degree(n, 1, older, orders, table[n + 1], s, out, at_s)
+            at_c += n + 1
+            at_s += n
 
 
 @njit(cache=True)
-def _design_rows(rA, rB, e, gm, radius, factors, out):
+def _design_rows(rA, rB, e, gm, radius, table, out):
     for i in range(rA.shape[0]):
-        design_row(rA[i], rB[i], e[i], gm, radius, factors, out[i])
+        design_row(rA[i], rB[i], e[i], gm, radius, table, out[i])
 
 
 def design_block(
@@ -162,5 +178,5 @@ def design_block(
         out = np.empty(shape)
     elif out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
         raise ValueError(f"out is {out.dtype} {out.shape}, it must be C-contiguous float64 {shape}")
-    _design_rows(rA, rB, e, float(gm), float(radius), _factors(n_max), out)
+    _design_rows(rA, rB, e, float(gm), float(radius), row_table(n_max), out)
     return out
