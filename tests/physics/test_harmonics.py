@@ -91,7 +91,7 @@ def test_synthesis_agrees_with_pyharm(n_max):
     C, S = field.C.copy(), field.S
     C[0, 0] = C[2, 0] = 0.0  # the large terms would hide the small ones
     lat, lon = cell_centred_grid(5.0 if n_max < 360 else 0.5)
-    lat = lat[:: max(1, lat.size // 36)]
+    lat = lat[:: max(1, lat.size // 36)].copy()  # pyharm wants contiguous memory
     m, n = np.triu_indices(n_max + 1)
     peer = pyharm.shc.Shc.from_arrays(n_max, C[n, m], S[n, m], 1.0, 1.0)
     wanted = pyharm.shs.point(pyharm.crd.PointGrid.from_arrays(lat, lon, np.ones(lat.size)), peer, n_max)
