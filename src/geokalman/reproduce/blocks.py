@@ -37,9 +37,7 @@ def recorded_number(root: Path, notebook: str, key: str) -> str:
     metrics = claims.recorded(root, notebook)
     if metrics is None or key not in metrics:
         raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {', '.join(metrics or {}) or 'nothing yet'}.")
-    value, unit = metrics[key]["value"], metrics[key]["unit"]
-    text = display.number(value, 3)
-    return f"{text} {unit}" if unit else text
+    return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
 
 
 def run_times(root: Path) -> str:
@@ -50,7 +48,7 @@ def run_times(root: Path) -> str:
         if path.is_file():
             told = json.loads(path.read_text(encoding="utf-8"))
             total += told["seconds"]
-            rows.append(f"| [{notebooks.title(root, name)}](/{name}.md) | {told['seconds']:.1f} |")
+            rows.append(f"| {{doc}}`/{name}` | {told['seconds']:.1f} |")
     return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, f"| all | {total:.1f} |"])
 
 
