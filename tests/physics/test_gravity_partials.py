@@ -109,8 +109,8 @@ def test_compiled_row_equals_python():
     rA, rB, e = (x[0] for x in pairs(1, 4))
     table = row_table(9)
     compiled, plain = np.empty(column_count(9)), np.empty(column_count(9))
-    design_row(rA, rB, e, 4e14, 6.4e6, table, compiled)
-    getattr(design_row, "py_func", design_row)(rA, rB, e, 4e14, 6.4e6, table, plain)
+    design_row(rA, rB, e, 4e14, 6.4e6, 9, table, compiled)
+    getattr(design_row, "py_func", design_row)(rA, rB, e, 4e14, 6.4e6, 9, table, plain)
     np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-13)
 
 
