@@ -154,6 +154,12 @@ def command(root: Path, *words: str, wait: bool = True, **environment: str):
 
 
 @pytest.fixture(scope="session")
+def new_toy():
+    """Function that makes a toy clone in a folder."""
+    return make_toy
+
+
+@pytest.fixture(scope="session")
 def geokalman():
     """The command, as a function of the clone and its words."""
     return command

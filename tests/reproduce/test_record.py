@@ -205,7 +205,7 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     book.record("line.mean", 49.01, "m")
     record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
     assert record["name"] == "verdicts-01-line"
-    assert record["rows"] == [["Table 1", "the mean of the line", "49.0000 m", "", "49.01 m", "reproduced", "accepted ±0.1 %"]]
+    assert record["rows"] == [["Table 1: the mean of the line", "49 m", "49.01 m", "reproduced", "accepted ±0.1 %"]]
     other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]

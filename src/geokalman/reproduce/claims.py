@@ -276,9 +276,9 @@ def row(judgement: Judgement, judged: bool = True) -> list[str]:
     return [says, printed, shown(ours), (judgement.verdict or "not computed") if judged else "", why if judged else ""]
 
 
-def _digits(value: float) -> int:
+def _digits(value: float | str) -> int:
     """Significant digits of a printed number, at most six."""
-    return sum(c.isdigit() for c in f"{value:.5e}".partition("e")[0].rstrip("0"))
+    return 0 if isinstance(value, str) else sum(c.isdigit() for c in f"{value:.5e}".partition("e")[0].rstrip("0"))
 
 
 def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tuple[list[str], list[list[str]], str]:
@@ -287,9 +287,8 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
     caption = "What the paper prints, how we read it, our number, and the verdict."
     if not judge:
         caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
-    drop = () if judge else ("Verdict", "Why")
-    keep = [k for k, name in enumerate(HEADER) if name not in drop]
     rows = [row(j, judge) for j in judgements]
+    keep = [k for k, name in enumerate(HEADER) if name in HEADER[:3] or any(r[k] for r in rows)]
     return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
 
 

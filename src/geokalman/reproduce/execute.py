@@ -63,7 +63,7 @@ def run(
     values = dict(specification.quick) if quick else {}
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
-    _refuse_foreign(out)
+    refuse_foreign(out)
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -135,7 +135,8 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     return root / "runs" / name / plain
 
 
-def _refuse_foreign(out: Path) -> None:
+def refuse_foreign(out: Path) -> None:
+    """Raise Misuse where `out` is a file, or a folder with other things in it than a run."""
     if out.is_dir():
         inside = sorted(p.name for p in out.iterdir())
         if inside and "provenance.json" not in inside:
