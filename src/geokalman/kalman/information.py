@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
 from geokalman.kalman.linear import Transition, steps
 
@@ -38,7 +38,8 @@ def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.n
     for b in range(count):
         for d in range(count):
             U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        rows[b] = H[seen[b]]
+        for j in range(n):
+            rows[b, j] = H[seen[b], j]
         values[b, 0] = z[seen[b]]
     status = cholesky_upper(U, U)
     if status != 0:
@@ -207,8 +208,7 @@ def backward_loop(
     y[last] = 0.0
     Y[last] = 0.0
     for k in range(last - 1, -1, -1):
-        y[k] = y[k + 1]
-        Y[k] = Y[k + 1]
+        copy_state(y[k + 1], Y[k + 1], y[k], Y[k])
         H_k = H[k + 1] if H.shape[0] > 1 else H[0]
         R_k = R[k + 1] if R.shape[0] > 1 else R[0]
         status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
@@ -237,8 +237,7 @@ def forward_loop(
     """
     for k in range(z.shape[0]):
         if k > 0:
-            y[k] = y[k - 1]
-            Y[k] = Y[k - 1]
+            copy_state(y[k - 1], Y[k - 1], y[k], Y[k])
             information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
             _add_product(1.0, Y[k], u[k - 1], y[k])
         H_k = H[k] if H.shape[0] > 1 else H[0]
