@@ -5,6 +5,8 @@ import os
 import random
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -66,6 +68,26 @@ def test_what_a_run_depends_on(copy, monkeypatch, path, edit, stale):
     (copy / path).write_text(edit((copy / path).read_text()))
     names = ["toy/01-line", "toy/02-constant"]
     assert [n for n in names if not graph.is_fresh(graph.run_folder(copy, n), graph.key(copy, n))] == stale
+
+
+def test_an_edited_module_makes_stale_what_imports_it(built, package_copy):
+    """Of the two notebooks one imports a module of the package; the module's own import is edited."""
+    root = shutil.copytree(built, package_copy / "clone")
+    line = root / "book" / "toy" / "01-line.md"
+    line.write_text(line.read_text().replace("import numpy as np", "import numpy as np\nfrom geokalman import user"))
+    (package_copy / "geokalman" / "user.py").write_text("from geokalman import used\n")
+    code = (
+        "from pathlib import Path; from geokalman.reproduce import graph; root = Path('clone').resolve(); "
+        "print(graph.key(root, 'toy/01-line'), graph.key(root, 'toy/02-constant'))"
+    )
+
+    def keys(value: int) -> list[str]:
+        (package_copy / "geokalman" / "used.py").write_text(f"x = {value}\n")
+        env = os.environ | {"PYTHONPATH": str(package_copy), "GEOKALMAN_ROOT": str(root)}
+        return subprocess.run([sys.executable, "-c", code], cwd=package_copy, env=env, capture_output=True, text=True).stdout.split()
+
+    before, after = keys(1), keys(2)
+    assert len(before) == 2 and before[0] != after[0] and before[1] == after[1]
 
 
 def test_the_locked_environment_counts(copy):

@@ -125,11 +125,11 @@ def test_a_result_larger_than_the_limit_is_kept_alone(tmp_path):
 
 
 def test_disk_full_gives_the_result_all_the_same(tmp_path, monkeypatch):
-    def full(_):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     f = counting(lambda: 5)
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.warns(UserWarning, match="A result was not kept: .*the disk is full"):
         assert Memo(tmp_path)(f)() == 5
     assert not list(tmp_path.glob("*.pickle")) and not list(tmp_path.glob(".*"))
