@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import functools
+import html
+import re
 import threading
+import urllib.parse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -160,14 +163,14 @@ def test_search_finds(browser, book: Path, served: str, where: str, word: str) -
     page.close()
 
 
-def test_every_download_and_link_leads_somewhere(browser, book: Path) -> None:
-    page, dead = browser.new_page(), []
+def test_every_download_and_link_leads_somewhere(book: Path) -> None:
+    dead, found = [], 0
     for name in pages(book):
-        page.goto((book / name).as_uri())
-        for url in page.evaluate("[...document.querySelectorAll('a[href]')].map(a => a.href)"):
-            if url.startswith("file:"):
-                target = Path(page.evaluate("u => decodeURIComponent(new URL(u).pathname)", url))
-                if not target.exists():
-                    dead.append(f"{name}: {url}")
-    page.close()
+        for link in re.findall(r'<a\b[^>]*\bhref="([^"#]+)', (book / name).read_text(encoding="utf-8")):
+            url = urllib.parse.urlsplit(html.unescape(link))
+            if not url.scheme:
+                found += 1
+                if not ((book / name).parent / urllib.parse.unquote(url.path)).exists():
+                    dead.append(f"{name}: {link}")
+    assert found > 0
     assert not dead

@@ -18,7 +18,7 @@ from filelock import FileLock
 
 from geokalman.reproduce import notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
-from geokalman.reproduce.blocks import fill
+from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman.reproduce.errors import Fault
 
@@ -99,7 +99,7 @@ def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.No
             if not cell.source:
                 continue
             shown = [_directive(page, output, run, files) for output in cell.outputs]
-            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None]
+            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None and not _echo(output)]
             _fold(cell)
             if cells and _joins(cells[-1], cell):
                 cells[-1].source += "\n\n" + cell.source
@@ -181,6 +181,11 @@ def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path)
     return None
 
 
+def _echo(output: nbformat.NotebookNode) -> bool:
+    """Whether an output only echoes the value of a cell's last expression; what is meant for readers is displayed or printed."""
+    return output.get("output_type") == "execute_result" and set(output.get("data", {})) <= {"text/plain"}
+
+
 def label(page: str, name: str) -> str:
     """Label by which pages refer to a figure or table: its name; the table `verdicts`, one a notebook, adds the page's."""
     return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
@@ -201,6 +206,8 @@ def _table(page: str, record: dict, run: Path, files: Path) -> str:
     rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
     rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
     body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
+    if record["name"] == "verdicts":
+        body = claims_table(record["header"], record["rows"])
     head = f"```{{table}} {_line(record['caption'])}\n:name: {label(page, record['name'])}\n\n"
     return f"{head}{body}\n```\n{_data_link(record, run, files)}"
 
