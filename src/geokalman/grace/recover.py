@@ -79,8 +79,8 @@ def recover(
     Raises
     ------
     ValueError
-        Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not finite there (naming the epoch), or the epochs are fewer than the
-        unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
+        Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not finite
+        between them (naming the epoch), or the epochs are fewer than the unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
     """
     n_max = gravity.n_max if n_max is None else n_max
     count, ids = len(orbit.t), tuple(observables)
