@@ -10,7 +10,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parent.parent
 FIGURE = ROOT / "book/_build/runs/grace-fusion/06-geoid/figures/g06-maps.light.png"
 TARGET = ROOT / "book/_static/front.png"
-WIDTH = 840  # pixels; shown at half of it
+WIDTH = 640  # pixels; shown at 420
 
 
 def main() -> None:
