@@ -28,7 +28,7 @@ book: env ## all notebooks at the papers' scale, and the book: book/_build/html/
 
 test: ## the whole suite, quick notebooks included
 	@$(ENV) test
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(PYTEST)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup --mpl $(PYTEST)
 
 check: ## paper-scale results against stored references and claims; the built book in a browser
 	@$(ENV) test

@@ -260,7 +260,7 @@ def test_one_epoch_is_enough_for_a_filter(tiny):
 def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
     """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do not."""
     Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
-    assert Wm.shape == Wc.shape == (19,)
+    assert Wm.shape == Wc.shape == (estimate.SIGMA_POINTS,) == (19,)
     assert Wm[0] == pytest.approx(2 / 11) and Wc[0] == pytest.approx(2 / 11)
     np.testing.assert_allclose(Wm[1:], 1 / 22)
     assert Wm.sum() == pytest.approx(1.0, abs=1e-15)
