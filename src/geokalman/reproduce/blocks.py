@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
 
 
 def fill(text: str, root: Path) -> str:
-    """Replace each call of a block or number; raises Fault for an argument too many or too few, or an unknown number."""
+    """Replace each call of a block or number; raises Fault for a wrong number of arguments or an unknown number."""
 
     def block(match: re.Match[str]) -> str:
         name, argument = match.groups()

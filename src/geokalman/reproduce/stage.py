@@ -188,7 +188,7 @@ def _echo(output: nbformat.NotebookNode) -> bool:
 
 
 def label(page: str, name: str) -> str:
-    """Label of a figure or table for cross-references: its name; the table `verdicts`, one a notebook, adds the page's."""
+    """Label of a figure or table for cross-references: its name; the table `verdicts` adds the page's."""
     return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
 
 
