@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import pytest
 
 from geokalman.files import project_root
@@ -18,6 +19,7 @@ PAPER = "grace-fusion"
 QUICK = ("01-orbits", "02-differentiation", "03-ekf", "04-ukf", "05-recovery", "06-geoid", "07-integrator")
 MID = QUICK[:4]
 ROOT = project_root(Path(__file__).parent)
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take hours in plain Python")
 
 
 def scales(*runs: tuple[str, tuple[str, ...]]) -> list:
