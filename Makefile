@@ -13,6 +13,7 @@ NB ?=
 P ?=
 QUICK ?=
 OUT ?=
+REASON ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
@@ -35,8 +36,9 @@ check: ## paper-scale results against stored references and claims; the built bo
 	$(BIN)/geokalman check
 	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m browser tests/book
 
-reference: env ## renew the stored references and print what changed
-	@$(BIN)/geokalman reference
+reference: env ## renew the stored references, print what changed: make reference REASON="why" [NB=paper/notebook]
+	@test -n "$(REASON)" || { echo 'A renewed reference needs a reason, as in: make reference REASON="why the numbers moved"'; exit 2; }
+	@$(BIN)/geokalman reference --reason "$(REASON)" $(NB)
 
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
 	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }
