@@ -271,6 +271,15 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
             method(data, Tuning(), "simultaneous")
 
 
+@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted"), ("ukf", "innovation"), ("fused_ekf", "innovation")])
+def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
+    """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
+    wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
+    data = Observations(30.0, tiny.data.baseline, tiny.data.rate, tiny.data.prior_mean, wide)
+    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} covariance is not positive definite at epoch \d+"):
+        METHODS[method](data, Tuning(lambda_q=1e-8))
+
+
 def test_newton_needs_nine_epochs(tiny):
     few = Observations(30.0, tiny.data.baseline[:8], tiny.data.rate[:8], tiny.data.prior_mean, tiny.data.prior_cov)
     with pytest.raises(ValueError, match="8 epochs are too few for a 9-point stencil"):
