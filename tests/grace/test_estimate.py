@@ -264,7 +264,7 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e306], 3))
     data = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, wide)
     for method in METHODS.values():
-        with pytest.raises(NotPositiveDefinite, match=r"innovation covariance is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
+        with pytest.raises(NotPositiveDefinite, match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
             method(data, Tuning())
     for method in (estimate.ukf, estimate.fused_ekf):
         with pytest.raises(NotPositiveDefinite, match=r"at epoch 1\b"), np.errstate(all="ignore"):
