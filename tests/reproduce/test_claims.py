@@ -155,7 +155,7 @@ def write_metrics(root, mean):
 def test_tables_and_readme(toy):
     write_metrics(toy, 49.0)
     first = claims.row(claims.judge_paper(toy, "toy")[0])
-    assert first == ["Table 1: the mean of the line", "49 m", "49.00 m", "reproduced", "accepted ±0.1 %"]
+    assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]
     assert claims.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
     assert not claims.readme_agrees(toy)
     (toy / "README.md").write_text(claims.readme_with_block(toy))
@@ -175,18 +175,18 @@ def test_tables_and_readme(toy):
 @pytest.mark.parametrize(
     "change, printed, why",
     [
-        ({"printed": 5.26357e-6}, "5.26357 × 10⁻⁶ m", "accepted ±10 %"),
+        ({"printed": 5.26357e-6}, "5.26357\u00a0×\u00a010⁻⁶\u00a0m", "accepted ±10 %"),
         ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
         (
             {"printed": 20, "reads": 2.0, "because": "a zero too many"},
-            "20 m; read as 2 m",
+            "20\u00a0m; read as 2\u00a0m",
             "a zero too many; accepted ±10 %",
         ),
     ],
 )
 def test_a_row_shows_print_reading_and_reason(change, printed, why):
     says, shown, ours, _, reason = claims.row(claims.judge(make(**change), metrics(2.0)))
-    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000 m", why)
+    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000\u00a0m", why)
 
 
 def test_before_anything_was_computed(toy):
