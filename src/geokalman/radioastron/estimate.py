@@ -146,7 +146,7 @@ def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, long
     x = x0.copy()
     for _ in range(longest):
         residual, design = np.empty((len(t), 2)), np.zeros((len(t), 2, len(x)))
-        _linearise(t, station, columns, z, x, itrs, world.params, STEP, residual, design)
+        linearise_step(t, station, columns, z, x, itrs, world.params, STEP, residual, design)
         normals = NormalEquations(len(x))
         normals.add(root, root @ (x0 - x))
         seen = np.isfinite(residual)
@@ -165,7 +165,7 @@ def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
     t, station, z, itrs = _arrays(data, world)
     residual, design = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
     x = orbit.at(world, float(t[0])).mean
-    _linearise(t, station, np.full(len(t), -1, dtype=np.int64), z, x, itrs, world.params, STEP, residual, design)
+    linearise_step(t, station, np.full(len(t), -1, dtype=np.int64), z, x, itrs, world.params, STEP, residual, design)
     return residual
 
 
@@ -311,7 +311,7 @@ def _unscented(t, station, columns, z, r_range, r_rate, x, P, itrs, params, c, w
 
 
 @njit(cache=True)
-def _linearise(t, station, columns, z, x, itrs, params, longest, residual, design):
+def linearise_step(t, station, columns, z, x, itrs, params, longest, residual, design):
     """Residuals (n, 2) and design (n, 2, states) of all measurements with respect to the states x at t[0]."""
     n = len(x)
     y, Phi = x.copy(), np.eye(n)
