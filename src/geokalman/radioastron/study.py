@@ -1,0 +1,144 @@
+"""Monte Carlo of a session: draw a truth and its data, estimate the orbit in several ways, look at it when the telescope does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.kalman.consistency import monte_carlo, nees
+from geokalman.radioastron import assess, estimate
+from geokalman.radioastron.correlator import Setup, find, scan_snr
+from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Observations, Weights
+from geokalman.radioastron.model import Array, Session, find_source, find_stations, world
+from geokalman.radioastron.simulate import draw
+
+
+class Estimator(NamedTuple):
+    """A way to an orbit: prior, ekf, ekf-substeps, ekf-single, iterated, ukf or batch; the weights; process noise [m^2 s^-3]."""
+
+    method: str
+    weights: Weights = INFLATED
+    process_noise: float = 0.0
+
+
+STANDARD: dict[str, Estimator] = {
+    "prior": Estimator("prior"),
+    "ekf": Estimator("ekf", INFLATED),
+    "naive": Estimator("ekf", NAIVE),
+}
+"""What one station gives: nothing, the recommended filter, the naive one."""
+ALL: dict[str, Estimator] = STANDARD | {
+    "substeps": Estimator("ekf-substeps", NAIVE),
+    "single": Estimator("ekf-single", NAIVE),
+    "iterated": Estimator("iterated", NAIVE),
+    "ukf": Estimator("ukf", INFLATED),
+    "batch": Estimator("batch", NAIVE),
+    "batch-bias": Estimator("batch", Weights(10.0, 1e-3, True)),
+    "process-noise": Estimator("ekf", INFLATED, 1e-12),
+    "single-inflated": Estimator("ekf-single", INFLATED),
+}
+"""The estimators that are compared."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is repeated: session, stations (none: its own), levels, estimators by name, source (text as in `find_source`)."""
+
+    session: Session
+    levels: Levels
+    estimators: tuple[tuple[str, Estimator], ...]
+    stations: tuple[str, ...] = ()
+    source: str = ""
+
+
+class Runs(NamedTuple):
+    """Results of an estimator over runs: at mid-observation delay, rate, acceleration (runs,), error (runs, 6), nees (runs,);
+    at the scans scan_delay, scan_rate (runs, scans); nees_end (runs,) at the last measurement."""
+
+    delay: Array
+    rate: Array
+    acceleration: Array
+    error: Array
+    nees: Array
+    scan_delay: Array
+    scan_rate: Array
+    nees_end: Array
+
+
+def run_estimator(how: Estimator, data: Observations, dynamics) -> estimate.Orbit:
+    """The orbit that an estimator finds. Raises ValueError for an unknown method."""
+    if how.method == "prior":
+        return estimate.prior_orbit(data)
+    if how.method == "batch":
+        return estimate.batch(data, dynamics, how.weights)
+    if how.method == "ukf":
+        return estimate.unscented(data, dynamics, how.weights).orbit
+    options = {"ekf": {}, "ekf-substeps": {"transition": "substeps"}, "ekf-single": {"transition": "single"}, "iterated": {"iterations": 3}}
+    if how.method not in options:
+        raise ValueError(f"method {how.method!r} is unknown; give prior, batch, ukf, {', '.join(options)}")
+    return estimate.extended(data, dynamics, how.weights, process_noise=how.process_noise, **options[how.method]).orbit
+
+
+def one_run(case: Case, rng: np.random.Generator) -> dict[str, assess.Errors]:
+    """One draw: errors of each estimator at mid-observation, then at the scans; the last of nees is that at the end of tracking."""
+    session = case.session
+    dynamics, stations = world(session), find_stations(case.stations, session)
+    truth, data = draw(session, dynamics, case.levels, stations, rng)
+    source = find_source(case.source, session, truth.states(np.array([session.middle]))[0, :3])
+    times = np.unique(np.append(session.scan_middles(), session.middle))
+    end = float(data.t[-1])
+    out = {}
+    for name, how in case.estimators:
+        orbit = run_estimator(how, data, dynamics)
+        errors = assess.errors(orbit, truth, dynamics, times, source)
+        last = orbit.at(dynamics, end)
+        at_end = nees(last.mean - truth.states(np.array([end]))[0], last.cov)
+        out[name] = errors._replace(nees=np.append(errors.nees, at_end))
+    return out
+
+
+def repeat(case: Case, seeds: Iterable[int], executor: Executor | None = None) -> dict[str, Runs]:
+    """All runs of a case, run i from default_rng(seed i): results by estimator."""
+    results = monte_carlo(partial(one_run, case), seeds, executor)
+    session = case.session
+    times = np.unique(np.append(session.scan_middles(), session.middle))
+    middle = int(np.searchsorted(times, session.middle))
+    scans = np.searchsorted(times, session.scan_middles())
+    out = {}
+    for name, _ in case.estimators:
+        runs = [r[name] for r in results]
+        delay, rate, acceleration = (np.array([r.residual[k] for r in runs]) for k in range(3))
+        error, consistency = np.array([r.error for r in runs]), np.array([r.nees for r in runs])
+        out[name] = Runs(
+            delay[:, middle], rate[:, middle], acceleration[:, middle], error[:, middle], consistency[:, middle],
+            delay[:, scans], rate[:, scans], consistency[:, -1],
+        )
+    return out
+
+
+def standard(
+    session: Session, levels: Levels, seed0: int, n_seeds: int, stations: tuple[str, ...] = (), source: str = "",
+    estimators: Mapping[str, Estimator] | None = None,
+) -> dict[str, Runs]:
+    """`repeat` over seeds seed0, seed0 + 1, ... with the `STANDARD` estimators or others."""
+    case = Case(session, levels, tuple((estimators or STANDARD).items()), stations, source)
+    return repeat(case, range(seed0, seed0 + n_seeds))
+
+
+def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
+    """SNR (runs,) of a scan at mid-observation of each run. A residual beyond the lag window leaves the peak of the noise."""
+    out = np.empty(len(runs.delay))
+    for k in range(len(out)):
+        rng = np.random.default_rng(seed0 + k)
+        start = runs.delay[k] + np.array([-0.5, 0.5]) * runs.rate[k] * setup.duration
+        if np.abs(start).max() + abs(runs.acceleration[k]) * setup.duration**2 / 8.0 < setup.window:
+            out[k] = scan_snr(setup, runs.delay[k], runs.rate[k], runs.acceleration[k], rng)
+        else:
+            shape = (len(setup.times), setup.n_channels)
+            out[k] = find(setup, (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)).snr
+    return out
