@@ -20,7 +20,8 @@ from geokalman.constants import C_LIGHT
 from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron.data import Levels, Weights
 from geokalman.radioastron.estimate import STEP, linearise_step
-from geokalman.radioastron.model import STATIONS, Array, Session, nominal_state
+from geokalman.radioastron.model import STATIONS, Array, Session, find_source, find_stations, nominal_state
+from geokalman.radioastron.model import world as world_of
 from geokalman.radioastron.simulate import schedule
 
 _CURVE = 300.0  # s between nodes of the spline through the transition matrix
@@ -135,6 +136,21 @@ def at_middle(g: Geometry, P: Array, source: Array) -> Sigmas:
         float(np.sqrt(np.trace(Q[:3, :3]))),
         float(np.sqrt(np.trace(Q[3:, 3:]))),
     )
+
+
+class Evaluation(NamedTuple):
+    """Sigmas at mid-observation: a priori, of the estimator itself, and true ones that consider the biases."""
+
+    prior: Sigmas
+    own: Sigmas
+    consider: Sigmas
+
+
+def evaluate(session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = "") -> Evaluation:
+    """One row of the table of formal sigmas; stations: none is the session's own; source as in `model.find_source`."""
+    g = linearise(session, world_of(session), find_stations(stations, session))
+    solution, toward = solve(g, levels, weights), find_source(source, session, g.middle[:3])
+    return Evaluation(*(at_middle(g, P, toward) for P in (levels.prior_cov, solution.own, solution.consider)))
 
 
 def ellipsoid(P: Array) -> tuple[Array, Array]:

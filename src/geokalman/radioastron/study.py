@@ -10,11 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geokalman.constants import C_LIGHT
 from geokalman.kalman.consistency import monte_carlo, nees
 from geokalman.radioastron import assess, estimate
 from geokalman.radioastron.correlator import Setup, find, scan_snr
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Observations, Weights
-from geokalman.radioastron.model import Array, Session, find_source, find_stations, world
+from geokalman.radioastron.formal import Sample, linearise
+from geokalman.radioastron.formal import large_sample as formal_sample
+from geokalman.radioastron.model import BANDS, Array, Session, find_source, find_stations, world
 from geokalman.radioastron.simulate import draw
 
 
@@ -142,3 +145,60 @@ def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
             shape = (len(setup.times), setup.n_channels)
             out[k] = find(setup, (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)).snr
     return out
+
+
+def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
+    """Numbers of an estimator against the a-priori orbit: name -> (value, unit).
+
+    delay_us, rate: rms and median of the size; fringe_hz: rms; standard errors of the rms; gain and shares of both.
+    """
+    microseconds, fringe = 1e6, BANDS[band]
+    delay, rate = assess.gain(prior.delay, post.delay), assess.gain(prior.rate, post.rate)
+    return {
+        "delay_us.rms": (microseconds * assess.rms(post.delay), "us"),
+        "delay_us.rms_error": (microseconds * assess.standard_error(post.delay), "us"),
+        "delay_us.median": (microseconds * float(np.median(np.abs(post.delay))), "us"),
+        "rate.rms": (assess.rms(post.rate), "s/s"),
+        "rate.rms_error": (assess.standard_error(post.rate), "s/s"),
+        "rate.median": (float(np.median(np.abs(post.rate))), "s/s"),
+        "fringe_hz.rms": (fringe * assess.rms(post.rate), "Hz"),
+        "acceleration.rms": (assess.rms(post.acceleration), "1/s"),
+        "gain.delay.median": (delay.median, ""),
+        "gain.rate.median": (rate.median, ""),
+        "share.delay.better": (delay.better, ""),
+        "share.rate.better": (rate.better, ""),
+        "share.rate.tenfold": (rate.tenfold, ""),
+        "share.delay.tenfold": (delay.tenfold, ""),
+    }
+
+
+def linear_runs(sample: Sample, source: Array) -> tuple[Runs, Runs]:
+    """The draws of `formal.large_sample` as Runs before and after, for `summary`; what a linear draw has not is empty."""
+    none = np.empty(0)
+    return tuple(
+        Runs(error[:, :3] @ source / C_LIGHT, error[:, 3:] @ source / C_LIGHT, np.zeros(len(error)), error, none, none, none, none)
+        for error in sample
+    )  # type: ignore[return-value]
+
+
+def large_sample(
+    session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = "", draws: int = 4000, seed: int = 1,
+) -> tuple[Runs, Runs]:
+    """Linear draws of a session about its nominal orbit, before and after: the values about which a Monte Carlo scatters."""
+    g = linearise(session, world(session), find_stations(stations, session))
+    sample = formal_sample(g, levels, weights, np.random.default_rng(seed), draws)
+    return linear_runs(sample, find_source(source, session, g.middle[:3]))
+
+
+def correction_history(session: Session, levels: Levels, how: Estimator, seed0: int, n_seeds: int, times: Array) -> tuple[Array, Array]:
+    """Filter minus a-priori orbit over times (k,) [s]: position (runs, k, 3) and geocentric radius (runs, k) [m]."""
+    dynamics, differences, radii = world(session), [], []
+    for seed in range(seed0, seed0 + n_seeds):
+        _, data = draw(session, dynamics, levels, (session.station,), np.random.default_rng(seed))
+        tracks = []
+        for orbit in (estimate.prior_orbit(data), run_estimator(how, data, dynamics)):
+            start = orbit.at(dynamics, float(data.t[-1]))
+            tracks.append(dynamics.propagate(start.mean, np.append(start.t, times)).r[1:, 0])
+        differences.append(tracks[1] - tracks[0])
+        radii.append(np.linalg.norm(tracks[1], axis=1) - np.linalg.norm(tracks[0], axis=1))
+    return np.array(differences), np.array(radii)
