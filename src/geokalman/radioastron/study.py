@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -202,3 +202,16 @@ def correction_history(session: Session, levels: Levels, how: Estimator, seed0: 
         differences.append(tracks[1] - tracks[0])
         radii.append(np.linalg.norm(tracks[1], axis=1) - np.linalg.norm(tracks[0], axis=1))
     return np.array(differences), np.array(radii)
+
+
+def prior_scale(session: Session, levels: Levels, weights: Weights, scale: float, seed0: int, n_seeds: int) -> tuple[Array, Array]:
+    """Delay [s] and rate [s/s] errors (runs,) of the filter when it is told P(0) with sigmas `scale` times the true ones."""
+    dynamics, source = world(session), find_source("", session)
+    delay, rate = np.empty(n_seeds), np.empty(n_seeds)
+    for k in range(n_seeds):
+        truth, data = draw(session, dynamics, levels, (session.station,), np.random.default_rng(seed0 + k))
+        data = replace(data, prior_cov=scale**2 * data.prior_cov)
+        orbit = estimate.extended(data, dynamics, weights).orbit
+        residual = assess.errors(orbit, truth, dynamics, np.array([session.middle]), source).residual
+        delay[k], rate[k] = residual.delay[0], residual.rate[0]
+    return delay, rate
