@@ -13,7 +13,7 @@ RADIUS_ORBIT = 6834e3
 
 
 def normalised_legendre(n_max, t, u, dtype=np.float64):
-    """Fully normalised P_nm by the forward column recursion of Holmes & Featherstone 2002, eq. 11, sectorials eq. 13."""
+    """Fully normalised P_nm by the forward column recursion of Holmes & Featherstone 2002, eqs 11 and 13."""
     t, u = dtype(t), dtype(u)
     P = np.zeros((n_max + 1, n_max + 1), dtype)
     P[0, 0] = 1
@@ -64,7 +64,7 @@ def egm96():
 
 @pytest.fixture(scope="module")
 def four_masses():
-    """Four equal masses on a turned tetrahedron (no degree 1) of a tenth of the radius: closed form beside coefficients."""
+    """Four equal masses on a turned tetrahedron (no degree 1) of a tenth of the radius: coefficients and masses."""
     gm, radius, n_max = 4e14, 6.4e6, 24
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
     a, b = 0.7, 0.4
@@ -84,7 +84,8 @@ def four_masses():
 
 def test_closed_form_of_four_masses(four_masses):
     field, masses = four_masses
-    r = np.concatenate([on_sphere(40, 1, 1.05 * field.radius), [[0, 0, 7e6], [0, 0, -7e6], [6.9e6, 0, 0], [0, -7e6, 0]]])
+    axes = [[0, 0, 7e6], [0, 0, -7e6], [6.9e6, 0, 0], [0, -7e6, 0]]
+    r = np.concatenate([on_sphere(40, 1, 1.05 * field.radius), axes])
     away = r[:, None, :] - masses
     distance = np.linalg.norm(away, axis=2)
     V = 0.25 * field.gm * (1 / distance).sum(axis=1)
@@ -246,5 +247,5 @@ def test_errors_say_what_and_where(egm96):
         monic_factors(1001)
     C, S = np.zeros((2, 1003, 1003))
     C[0, 0] = 1
-    with pytest.raises(ValueError, match="n_max = 1002 is above 1000: truncate"):
+    with pytest.raises(ValueError, match="n_max = 1002 is above 1000, .* truncate the field"):
         pack(GravityField("too long", 4e14, 6.4e6, C, S))

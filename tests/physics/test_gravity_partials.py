@@ -94,7 +94,8 @@ def test_equation_49_as_printed():
         e_e, e_n, e_u = enu_from_ecef(r) @ e
         row = []
         for kind, n, m in column_names(n_max):
-            sign = (-1) ** m * np.sqrt(2 * (2 - (m == 0)))  # scipy: Condon-Shortley phase, norm 1 instead of 2 (2 - d_m0)
+            # scipy has the Condon-Shortley phase and the norm 1 instead of 2 (2 - delta_m0)
+            sign = (-1) ** m * np.sqrt(2 * (2 - (m == 0)))
             p, slope = sign * P[n, m], sign * dP[n, m] * np.cos(phi)
             cos, sin = np.cos(m * lam), np.sin(m * lam)
             f, df = (cos, -m * sin) if kind == "C" else (sin, m * cos)

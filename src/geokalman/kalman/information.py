@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
 from geokalman.kalman.linear import Transition, steps
 
@@ -38,7 +38,8 @@ def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.n
     for b in range(count):
         for d in range(count):
             U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        rows[b] = H[seen[b]]
+        for j in range(n):
+            rows[b, j] = H[seen[b], j]
         values[b, 0] = z[seen[b]]
     status = cholesky_upper(U, U)
     if status != 0:
@@ -179,6 +180,33 @@ def combine_step(
 
 
 @njit(cache=True)
+def information_state_step(y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> int:
+    """The Gaussian of an information form:  P_out = Y^-1,  x_out = P_out y.  y, x_out : (n,); Y, P_out : (n, n).
+
+    Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
+    """
+    n = y.shape[0]
+    U, W = np.empty((n, n)), np.zeros((n, n))
+    status = cholesky_upper(Y, U)
+    if status != 0:
+        return status
+    for i in range(n):
+        W[i, i] = 1.0
+        x_out[i] = 0.0
+        for j in range(n):
+            P_out[i, j] = 0.0
+    solve_lower(U, W)
+    for k in range(n):
+        for i in range(k + 1):
+            for j in range(k + 1):
+                P_out[i, j] += W[k, i] * W[k, j]
+    for i in range(n):
+        for j in range(n):
+            x_out[j] += P_out[i, j] * y[i]
+    return 0
+
+
+@njit(cache=True)
 def _add_product(sign: float, Y: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
     for i in range(u.shape[0]):
         if u[i] != 0.0:
@@ -207,8 +235,7 @@ def backward_loop(
     y[last] = 0.0
     Y[last] = 0.0
     for k in range(last - 1, -1, -1):
-        y[k] = y[k + 1]
-        Y[k] = Y[k + 1]
+        copy_state(y[k + 1], Y[k + 1], y[k], Y[k])
         H_k = H[k + 1] if H.shape[0] > 1 else H[0]
         R_k = R[k + 1] if R.shape[0] > 1 else R[0]
         status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
@@ -237,8 +264,7 @@ def forward_loop(
     """
     for k in range(z.shape[0]):
         if k > 0:
-            y[k] = y[k - 1]
-            Y[k] = Y[k - 1]
+            copy_state(y[k - 1], Y[k - 1], y[k], Y[k])
             information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
             _add_product(1.0, Y[k], u[k - 1], y[k])
         H_k = H[k] if H.shape[0] > 1 else H[0]
@@ -292,21 +318,18 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     if prior is not None:
         y0, Y0 = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
     y, Y, y_back, Y_back = np.empty((N, n)), np.empty((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
-    mean, cov = np.zeros((N, n)), np.empty((N, n, n))
+    mean, cov, correction = np.zeros((N, n)), np.empty((N, n, n)), np.empty(n)
     for _ in range(2):
         dz, u = _about(mean, z, H, Phi, step)
         y[0], Y[0] = y0 - Y0 @ mean[0], Y0
         _raise(*forward_loop(dz, H, R, Psi, G, step, u, y, Y), t)
         _raise(*backward_loop(dz, H, R, Phi, G, step, u, y_back, Y_back), t)
         for k in range(N):
-            U, inverse_root, x = Y[k] + Y_back[k], np.eye(n), y[k] + y_back[k]
-            status = cholesky_upper(U, U)
+            status = information_state_step(y[k] + y_back[k], Y[k] + Y_back[k], correction, cov[k])
             if status != 0:
                 detail = f"the observations do not determine state {status - 1}"
                 raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
-            solve_lower(U, inverse_root)
-            cov[k] = inverse_root.T @ inverse_root
-            mean[k] += cov[k] @ x
+            mean[k] += correction
     return Smoothed(t, mean, cov)
 
 

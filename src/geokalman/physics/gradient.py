@@ -1,8 +1,8 @@
 """Gravity gradient tensor of a spherical-harmonic field at points.
 
-A Cartesian derivative of an exterior harmonic of degree n is one of degree n + 1, so each component of the tensor is a series
-like the potential itself, with coefficients that are found once (Cunningham 1970, Celest. Mech. 2, 207-216; unnormalised in
-Montenbruck & Gill 2000, Satellite Orbits, eqs 3.33). All of them share one monic Legendre recursion.
+A Cartesian derivative of an exterior harmonic of degree n is one of degree n + 1, so each component of the tensor is
+a series like the potential itself, with coefficients that are found once (Cunningham 1970, Celest. Mech. 2, 207-216;
+unnormalised in Montenbruck & Gill 2000, Satellite Orbits, eqs 3.33). All of them share one monic Legendre recursion.
 """
 
 from __future__ import annotations

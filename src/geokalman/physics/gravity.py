@@ -4,8 +4,8 @@ The potential of fully normalised coefficients is
 
     V(r) = GM/r sum_n sum_m (R/r)^n P_nm(sin phi) (C_nm cos m lambda + S_nm sin m lambda).
 
-With X = R x/r^2, Y = R y/r^2, Z = R z/r^2 and Q = R^2/r^2 a term of it is ``k_nm p_nm(Z, Q) Re (X + iY)^m`` (``Im`` for S), where
-p_nm is the monic solid Legendre polynomial
+With X = R x/r^2, Y = R y/r^2, Z = R z/r^2 and Q = R^2/r^2 a term of it is ``k_nm p_nm(Z, Q) Re (X + iY)^m`` (``Im``
+for S), where p_nm is the monic solid Legendre polynomial
 
     p_n = Z p_(n-1) - beta_nm Q p_(n-2),   beta_nm = ((n-1)^2 - m^2) / (4 (n-1)^2 - 1),   p_mm = 1,
 
@@ -26,7 +26,7 @@ from geokalman.physics.simd import LANES, load, mul, muladd, splat, store
 MAX_DEGREE = 1000
 """Highest degree of the kernels: beyond it the folded normalisation, about 2^n, leaves the range of float64."""
 MIN_RADIUS_RATIO = 0.9
-"""Smallest |r|/R accepted: further down the series of the exterior field means nothing (it converges outside the masses)."""
+"""Smallest |r|/R accepted: further down the series means nothing (it converges outside the masses)."""
 HEADER = 4
 """Numbers before the table in packed parameters: GM [m^3 s^-2], R [m], maximum degree, C_00."""
 STRIDE = 3 * LANES
@@ -34,7 +34,7 @@ STRIDE = 3 * LANES
 
 
 def monic_factors(n_max: int) -> np.ndarray:
-    """Factors k_nm that turn monic Legendre functions into fully normalised ones, P_nm(t) = k_nm (1 - t^2)^(m/2) t^(n-m) + ...
+    """Factors k_nm from monic to fully normalised Legendre functions, P_nm(t) = k_nm (1 - t^2)^(m/2) (t^(n-m) + ...).
 
     n_max : maximum degree, 0..1000
     Returns (n_max+1, n_max+1), lower triangle. Raises ValueError for a degree outside the range of float64.
@@ -77,7 +77,7 @@ def pack(field: GravityField, n_max: int | None = None) -> np.ndarray:
 
 
 def monic_recursion(n_max: int, m: int) -> np.ndarray:
-    """Coefficients beta_nm of the recursion for one order, n = m..n_max: (n_max + 1 - m,); that of n = m is never used, 0."""
+    """Coefficients beta_nm of the recursion for one order, n = m..n_max: (n_max + 1 - m,); that of n = m is 0."""
     n = np.arange(m, n_max + 1.0)
     beta = ((n - 1.0) ** 2 - m * m) / (4.0 * (n - 1.0) ** 2 - 1.0)
     beta[0] = 0.0
@@ -92,7 +92,7 @@ def checked_degree(field: GravityField, n_max: int | None) -> int:
     if not 0 <= n_max <= top:
         raise ValueError(f"n_max = {n_max} is outside 0..{top}, the degrees of the field {field.name}")
     if n_max > MAX_DEGREE:
-        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE}: truncate the field, the recursion leaves float64 there")
+        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE}, the recursion leaves float64: truncate the field")
     return int(n_max)
 
 

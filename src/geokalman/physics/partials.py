@@ -1,10 +1,12 @@
-"""Partials of the gravity difference of two satellites along their line of sight: the design matrix of gravity recovery.
+"""Partials of the gravity difference of two satellites along their line of sight: the rows of gravity recovery.
 
-The observable (g_A - g_B).e is linear in the coefficients. Rotating e into the local (east, north, up) frames of A and B, as
-the paper's equations (48) and (49) do, or leaving it Earth-fixed, as here, gives the same row; here no pole is special. With the
-symbols of `geokalman.physics.gravity`, the partial of e.g with respect to C_nm is the real, to S_nm the imaginary part of
+The observable (g_A - g_B).e is linear in the coefficients. Rotating e into the local (east, north, up) frames of A
+and B, as the paper's equations (48) and (49) do, or leaving it Earth-fixed, as here, gives the same row; here no pole
+is special. With the symbols of `geokalman.physics.gravity`, the partial of e.g with respect to C_nm is the real, to
+S_nm the imaginary part of
 
-    GM/R^2 sqrt(Q) k_nm { p_nm [Q m (e_x + i e_y) zeta^(m-1) - e.q (n + m + 1) zeta^m] + dp_nm/dZ [Q e_z - e.q Z] zeta^m },
+    GM/R^2 sqrt(Q) k_nm { p_nm [Q m (e_x + i e_y) zeta^(m-1) - e.q (n + m + 1) zeta^m]
+                          + dp_nm/dZ [Q e_z - e.q Z] zeta^m },
 
 where zeta = X + iY and dp_nm/dZ = (n - m) p_(n,m+1).
 """
@@ -32,7 +34,8 @@ def column_names(n_max: int) -> list[tuple[str, int, int]]:
     """Columns of the design matrix: ("C", n, m) for n = 2.. and m = 0..n, then ("S", n, m) for n = 2.. and m = 1..n."""
     column_count(n_max)
     degrees = range(2, n_max + 1)
-    return [("C", n, m) for n in degrees for m in range(n + 1)] + [("S", n, m) for n in degrees for m in range(1, n + 1)]
+    cosine = [("C", n, m) for n in degrees for m in range(n + 1)]
+    return cosine + [("S", n, m) for n in degrees for m in range(1, n + 1)]
 
 
 def to_vector(C: np.ndarray, S: np.ndarray, n_max: int) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Eight numbers at a time inside compiled kernels: a vector type of eight float64 and the few operations gravity needs.
 
-Numba leaves the loops over orders of a harmonic series scalar, because it cannot prove their arrays apart. These intrinsics
-say what is wanted: LLVM maps <8 x double> to one, two or four registers of the machine at hand. In plain Python
-(``NUMBA_DISABLE_JIT=1``) the same names work on small numpy arrays.
+Numba leaves the loops over orders of a harmonic series scalar, because it cannot prove their arrays apart. These
+intrinsics say what is wanted: LLVM maps <8 x double> to one, two or four registers of the machine at hand. In plain
+Python (``NUMBA_DISABLE_JIT=1``) the same names work on small numpy arrays.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ class _Float64x8Model(models.PrimitiveModel):
 
 
 def _checked(array):
-    if not (isinstance(array, types.Array) and array.ndim == 1 and array.layout == "C" and array.dtype == types.float64):
+    good = isinstance(array, types.Array) and (array.ndim, array.layout, array.dtype) == (1, "C", types.float64)
+    if not good:
         raise errors.TypingError(f"lanes are loaded from and stored to contiguous float64 vectors, not {array}")
     return array
 
