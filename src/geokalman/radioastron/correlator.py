@@ -211,11 +211,19 @@ def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -
     def noise() -> Array:
         return (rng.standard_normal(total) + 1j * rng.standard_normal(total)) / math.sqrt(2.0)
 
-    common = noise()
-    one = math.sqrt(setup.rho) * common + math.sqrt(1.0 - setup.rho) * noise()
-    two = math.sqrt(setup.rho) * common + math.sqrt(1.0 - setup.rho) * noise()
-    ramp = np.exp(-2j * np.pi * np.fft.fftfreq(total, 1.0 / setup.bandwidth) * delay)
-    two = np.fft.ifft(np.fft.fft(two) * ramp) * np.exp(2j * np.pi * rate * np.arange(total) / setup.bandwidth)
+    def station(common: Array) -> Array:
+        own = noise()
+        own *= math.sqrt(1.0 - setup.rho)
+        own += common
+        return own
+
+    common = math.sqrt(setup.rho) * noise()
+    one, two = station(common), station(common)
+    del common
+    two = fft.fft(two, overwrite_x=True)
+    two *= np.exp(-2j * np.pi * delay * np.fft.fftfreq(total, 1.0 / setup.bandwidth))
+    two = fft.ifft(two, overwrite_x=True)
+    two *= np.exp(2j * np.pi * rate / setup.bandwidth * np.arange(total))
     segments = int(setup.period * setup.bandwidth) // n
     periods = total // (segments * n)
     spectra = [np.fft.fft(x[: periods * segments * n].reshape(periods, segments, n), axis=2) for x in (one, two)]

@@ -9,7 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from geokalman.constants import A_EARTH
 from geokalman.radioastron.model import Array
@@ -37,7 +39,8 @@ def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure
         panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["ekf"].colour, linewidth=0))
         ray = np.outer([0.0, 150.0], axes @ source)
         panel.plot(ray[:, i], ray[:, j], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
-        panel.set(xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal")
+        panel.set(xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal" if j == 1 else "auto")
+    panels[1].set_title("edge-on, heights stretched", loc="left")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -97,7 +100,7 @@ def bars(groups: Mapping[str, Mapping[str, float]], label: str, log: bool = True
     """Bars side by side: row label -> (series -> value); label of the axis with its unit."""
     series = list(dict.fromkeys(name for group in groups.values() for name in group))
     width = 0.8 / len(series)
-    figure, axes = plt.subplots(figsize=(7.2, 1.1 + 0.24 * len(groups) * max(1.4, len(series))))
+    figure, axes = plt.subplots(figsize=(7.2, 1.1 + (0.24 if len(groups) < 12 else 0.15) * len(groups) * max(1.4, len(series))))
     for k, name in enumerate(series):
         place = [i + (k - 0.5 * (len(series) - 1)) * width for i, group in enumerate(groups.values()) if name in group]
         values = [group[name] for group in groups.values() if name in group]
@@ -125,6 +128,13 @@ def sweep(scale: Array, delay: Array, rate: Array, label: str) -> Figure:
     return figure
 
 
+def plain_logarithm(axis: Axis) -> None:
+    """Write the ticks of a logarithmic axis as plain numbers, and more of them where it spans less than two decades."""
+    low, high = axis.get_view_interval()
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(FuncFormatter(lambda x, _: f"{x:g}" if high < 100.0 * low and f"{x:e}"[0] in "235" else ""))
+
+
 def _band(axes, x: Array, runs: Array, name: str, factor: float, label: str) -> None:
     low, middle, high = factor * np.quantile(runs, [0.16, 0.5, 0.84], axis=0)
     method = METHODS[name]
@@ -145,6 +155,7 @@ def scans(delay: Mapping[str, Array], rate: Mapping[str, Array], printed: tuple[
             panel.plot([], [], color=ink(), linestyle=":", linewidth=0.8, label="printed")
         panel.set(xlabel="scan", ylabel=unit, yscale="log")
         panel.set_xticks(x)
+        plain_logarithm(panel.yaxis)
     figure.legend(*panels[1].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -158,7 +169,7 @@ def innovations(t: Array, whitened: Array) -> Figure:
             method = METHODS[name]
             panels[k].plot(t[part] / 3600, whitened[part, j], color=method.colour, marker=method.marker, linestyle="none", markersize=3, label=("range", "range-rate")[j])
         panels[k].axhspan(-3, 3, color=METHODS["exact"].colour, alpha=0.2, linewidth=0)
-        panels[k].set(xlabel="UTC [h]", title=f"pass {k + 1}", yscale="symlog")
+        panels[k].set(xlabel="UTC [h]", title=f"pass {k + 1}")
         panels[k].locator_params(axis="x", nbins=5)
     panels[0].set_ylabel("innovation / sigma")
     panels[0].legend(loc="upper right")

@@ -9,28 +9,30 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.radioastron.correlator import Plane
+from geokalman.radioastron.figures import plain_logarithm
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, SEQUENTIAL, ink
 
 
-def planes(both: Sequence[Plane], titles: Sequence[str], centre: tuple[float, float], width: tuple[float, float]) -> Figure:
-    """Figure 1: amplitude over the fringe-rate [Hz] and delay [s] plane for two orbits, to one scale.
+def planes(both: Sequence[Plane], titles: Sequence[str], width: tuple[float, float]) -> Figure:
+    """Figure 1: amplitude over the fringe-rate [Hz] and delay [s] plane for two orbits.
 
-    centre, width: (fringe rate [Hz], delay [s]) of the window that is shown.
+    Above, the largest amplitude over all delays against fringe rate; below, the plane about each peak, to one scale.
+    width: (fringe rate [Hz], delay [s]) of the windows below.
     """
-    figure, axes = plt.subplots(1, len(both), figsize=(7.2, 3.6), sharey=True)
+    figure, panels = plt.subplot_mosaic("aa;bc", figsize=(7.2, 5.4), height_ratios=(1, 1.4))
     top = max(p.snr.max() for p in both)
-    for panel, p, title in zip(axes, both, titles, strict=True):
-        rows = np.abs(p.rates - centre[0]) <= 0.5 * width[0]
-        columns = np.abs(p.delays - centre[1]) <= 0.5 * width[1]
-        mesh = panel.pcolormesh(1e6 * p.delays[columns], p.rates[rows], p.snr[np.ix_(rows, columns)], cmap=SEQUENTIAL, vmin=0, vmax=top, shading="nearest", rasterized=True)
+    for p, title, name, place in zip(both, titles, ("prior", "ekf"), "bc", strict=True):
         i, j = np.unravel_index(int(p.snr.argmax()), p.snr.shape)
-        panel.annotate(f"{p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs\nSNR {p.snr[i, j]:.1f}", (1e6 * p.delays[j], p.rates[i]), textcoords="offset points",
-                       xytext=(0, 14), ha="center", fontsize=9, color="white")  # fmt: skip
-        panel.set(xlabel="delay [µs]", title=title)
-        panel.grid(False)
-    axes[0].set_ylabel("fringe rate [Hz]")
-    figure.colorbar(mesh, ax=axes, label="amplitude [SNR]")
+        rows, columns = np.abs(p.rates - p.rates[i]) <= 0.5 * width[0], np.abs(p.delays - p.delays[j]) <= 0.5 * width[1]
+        near = np.abs(p.rates) <= 0.5
+        panels["a"].plot(p.rates[near], p.snr.max(axis=1)[near], color=METHODS[name].colour, linewidth=0.8, label=title)
+        mesh = panels[place].pcolormesh(1e6 * p.delays[columns], p.rates[rows], p.snr[np.ix_(rows, columns)], cmap=SEQUENTIAL, vmin=0, vmax=top, shading="nearest", rasterized=True)
+        panels[place].set(xlabel="delay [µs]", ylabel="fringe rate [Hz]", title=f"{title}: {p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs, SNR {p.snr[i, j]:.1f}")
+        panels[place].grid(False)
+    panels["a"].set(xlabel="fringe rate [Hz]", ylabel="largest amplitude [SNR]")
+    panels["a"].legend()
+    figure.colorbar(mesh, ax=[panels["b"], panels["c"]], label="amplitude [SNR]")
     return figure
 
 
@@ -82,5 +84,6 @@ def ratio_histogram(ratios: Array, printed: float, label: str) -> Figure:
     axes.axvline(printed, color=ink(), linestyle="--", linewidth=0.8, label="printed")
     axes.axhspan(0.16, 0.84, color=METHODS["exact"].colour, alpha=0.15, linewidth=0, label="16 to 84 %")
     axes.set(xscale="log", xlabel=label, ylabel="share of runs below", ylim=(0, 1))
+    plain_logarithm(axes.xaxis)
     axes.legend(loc="lower right")
     return figure

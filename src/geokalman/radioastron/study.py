@@ -172,13 +172,18 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
     }
 
 
-def linear_runs(sample: Sample, source: Array) -> tuple[Runs, Runs]:
-    """The draws of `formal.large_sample` as Runs before and after, for `summary`; what a linear draw has not is empty."""
+def linear_runs(sample: Sample, gradient: Array, source: Array) -> tuple[Runs, Runs]:
+    """The draws of `formal.large_sample` as Runs before and after, for `summary`; what a linear draw has not is empty.
+
+    gradient (3, 3) of the acceleration at mid-observation [s^-2]; source (3,) the unit vector to the source.
+    """
     none = np.empty(0)
-    return tuple(
-        Runs(error[:, :3] @ source / C_LIGHT, error[:, 3:] @ source / C_LIGHT, np.zeros(len(error)), error, none, none, none, none)
-        for error in sample
-    )  # type: ignore[return-value]
+
+    def runs(error: Array) -> Runs:
+        r, v = error[:, :3], error[:, 3:]
+        return Runs(r @ source / C_LIGHT, v @ source / C_LIGHT, r @ gradient.T @ source / C_LIGHT, error, none, none, none, none)
+
+    return runs(sample.prior), runs(sample.post)
 
 
 def large_sample(
@@ -187,7 +192,8 @@ def large_sample(
     """Linear draws of a session about its nominal orbit, before and after: the values about which a Monte Carlo scatters."""
     g = linearise(session, world(session), find_stations(stations, session))
     sample = formal_sample(g, levels, weights, np.random.default_rng(seed), draws)
-    return linear_runs(sample, find_source(source, session, g.middle[:3]))
+    gradient = g.world.gradient(session.middle, g.middle)
+    return linear_runs(sample, gradient, find_source(source, session, g.middle[:3]))
 
 
 def correction_history(session: Session, levels: Levels, how: Estimator, seed0: int, n_seeds: int, times: Array) -> tuple[Array, Array]:
