@@ -36,7 +36,10 @@ def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure
         for name, (label, arc) in zip(names, arcs.items(), strict=False):
             part = arc @ axes.T / 1e6
             panel.plot(part[:, i], part[:, j], color=METHODS[name].colour, linewidth=4, solid_capstyle="round", label=label)
-        panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["ekf"].colour, linewidth=0))
+        if j == 1:
+            panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["exact"].colour, linewidth=0))
+        else:
+            panel.plot(0.0, 0.0, marker="o", markersize=4, linestyle="none", color=METHODS["exact"].colour)
         ray = np.outer([0.0, 150.0], axes @ source)
         panel.plot(ray[:, i], ray[:, j], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
         panel.set(xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal" if j == 1 else "auto")
@@ -109,6 +112,7 @@ def bars(groups: Mapping[str, Mapping[str, float]], label: str, log: bool = True
     axes.invert_yaxis()
     if log:
         axes.set_xscale("log")
+        plain_logarithm(axes.xaxis)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel(label)
     if len(series) > 1:

@@ -28,7 +28,7 @@ def planes(both: Sequence[Plane], titles: Sequence[str], width: tuple[float, flo
         near = np.abs(p.rates) <= 0.5
         panels["a"].plot(p.rates[near], p.snr.max(axis=1)[near], color=METHODS[name].colour, linewidth=0.8, label=title)
         mesh = panels[place].pcolormesh(1e6 * p.delays[columns], p.rates[rows], p.snr[np.ix_(rows, columns)], cmap=SEQUENTIAL, vmin=0, vmax=top, shading="nearest", rasterized=True)
-        panels[place].set(xlabel="delay [µs]", ylabel="fringe rate [Hz]", title=f"{title}: {p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs, SNR {p.snr[i, j]:.1f}")
+        panels[place].set(xlabel="delay [µs]", ylabel="fringe rate [Hz]", title=f"{title}\n{p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs, SNR {p.snr[i, j]:.1f}")
         panels[place].grid(False)
     panels["a"].set(xlabel="fringe rate [Hz]", ylabel="largest amplitude [SNR]")
     panels["a"].legend()
