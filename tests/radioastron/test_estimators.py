@@ -14,7 +14,7 @@ from geokalman.radioastron import assess, estimate, formal, simulate, study
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Weights
 from geokalman.radioastron.model import find_session, find_source, world
 
-pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of orbit take minutes in plain Python")
+compiled = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="many hours of orbit take minutes in plain Python")
 BIASED = Weights(10.0, 1e-3, True)
 
 
@@ -41,6 +41,7 @@ def test_bias_states_of_filter_and_batch_agree(st):
     np.testing.assert_allclose(one.bias_sigmas, other.bias_sigmas, rtol=2e-3)
 
 
+@compiled
 def test_unscented_and_iterated_filters_agree_with_the_extended_one(st, drawn):
     data = drawn[1]
     ends = [f(data, st[1]).orbit for f in (estimate.extended, estimate.unscented)]
@@ -50,6 +51,7 @@ def test_unscented_and_iterated_filters_agree_with_the_extended_one(st, drawn):
         assert np.abs((other.mean - ends[0].mean) / sigma).max() < 0.05
 
 
+@compiled
 def test_estimate_is_within_its_covariance_where_the_model_is_right(st):
     """Mean NEES of 40 runs with everything modelled: 6 within 4 standard errors of the mean of chi-square, sqrt(12/40)."""
     values = []
@@ -61,6 +63,7 @@ def test_estimate_is_within_its_covariance_where_the_model_is_right(st):
     assert np.mean(values) == pytest.approx(6.0, abs=4.0 * np.sqrt(12.0 / 40))
 
 
+@compiled
 def test_compiled_filter_is_the_plain_loop(st, drawn):
     """A few epochs by `.py_func`, to rounding."""
     keep = np.r_[0:4, 85:89]
@@ -99,6 +102,7 @@ def test_an_outlier_of_fifty_sigmas_is_found_after_the_first_pass(st, drawn):
     assert np.linalg.norm((again - clean)[:3]) < 0.2 * np.linalg.norm((dirtied - clean)[:3])
 
 
+@compiled
 def test_good_data_pass_the_gate(st):
     """A gate at 5 sigmas *before* the first pass would throw nearly all of them away."""
     dropped = 0
@@ -162,6 +166,7 @@ def test_biases_are_those_that_were_asked_for(st, kind):
         assert (abs(mean[0] - mean[1]) < 6.0) == (kind == "common") and np.abs(mean).max() > 20.0
 
 
+@compiled
 def test_monte_carlo_is_centred_on_the_large_sample(st):
     """60 runs of the true filter against 4000 linear draws of the same: rms within three standard errors of the smaller sample."""
     session = st[0]
@@ -174,6 +179,7 @@ def test_monte_carlo_is_centred_on_the_large_sample(st):
                 assert assess.rms(values) == pytest.approx(assess.rms(getattr(many, kind)), abs=3.0 * assess.standard_error(values)), (how, kind)
 
 
+@compiled
 @pytest.mark.parametrize(("name", "weights", "bias", "stations", "delay", "rate", "shares"), [
     ("ST", INFLATED, "common", (), (7.69, 1.90), (2.01e-10, 1.10e-10), (0.85, 0.71, 0.09)),
     ("ST", NAIVE, "common", (), (7.69, 2.56), (2.01e-10, 1.12e-10), (0.81, 0.70, 0.10)),
@@ -198,6 +204,7 @@ def test_large_sample_values(name, weights, bias, stations, delay, rate, shares)
         assert (delay_gain.better, rate_gain.better, rate_gain.tenfold) == pytest.approx(shares, abs=0.035)
 
 
+@compiled
 def test_single_step_and_bias_per_pass():
     """RA-8: naive weights are worse than no filter, larger ones repair it; one step of I + FT over the gap ruins the rate."""
     names = ("prior", "ekf", "naive", "single", "ukf", "batch-bias", "substeps")
@@ -223,6 +230,7 @@ def test_correction_history_is_the_identity_of_figure_5():
     np.testing.assert_allclose(parts.along**2 + parts.across**2, parts.total**2)
 
 
+@compiled
 def test_prior_scale(st):
     """A filter told the right P(0) is the filter; one told a hundred kilometres is worse in rate."""
     right = study.prior_scale(st[0], Levels(), INFLATED, 1.0, 1000, 6)

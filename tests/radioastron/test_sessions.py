@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman.radioastron import formal, simulate
+from geokalman.radioastron.data import Levels
 from geokalman.radioastron.model import (
     EARTH_DIAMETER,
     SESSIONS,
@@ -101,3 +102,6 @@ def test_a_spacecraft_below_the_horizon_is_refused(st, state):
     with pytest.raises(ValueError, match="above the horizon of Bear Lakes"):
         simulate.check_visible(st[1], np.array([st[0].first]), below[None], ("Bear Lakes",))
     simulate.check_visible(st[1], np.array([st[0].first]), state[None], tuple(STATIONS))
+    beneath = find_session("ST", 340.0)
+    with pytest.raises(ValueError, match="choose another station, pass or mean anomaly"):
+        simulate.draw(beneath, world(beneath), Levels(), ("Bear Lakes",), np.random.default_rng(1))

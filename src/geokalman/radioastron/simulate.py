@@ -104,8 +104,11 @@ def draw(session: Session, world: Dynamics, levels: Levels, stations: tuple[str,
 
     Truth: the nominal state, solar pressure with a relative error, a constant acceleration and one impulse in random directions
     that the estimators do not know. Data: noise and station biases, the same in both passes ("common") or drawn for each.
+    Raises ValueError where a station does not see the spacecraft at the ends of a pass.
     """
     state = nominal_state(session, world)
+    ends = np.array(session.passes).ravel()
+    check_visible(world, ends, _states(world, session.first, state, ends), stations)
     forces = world.with_changes(1.0 + levels.pressure_error * rng.standard_normal(), levels.acceleration * isotropic(rng))
     impulse_time = rng.uniform(session.first, session.observation[1])
     truth = Truth(forces, session.first, state, levels.impulse * isotropic(rng), impulse_time)
