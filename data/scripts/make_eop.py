@@ -15,7 +15,10 @@ from make_egm96 import save
 
 PACKAGE, VERSION = "astropy-iers-data", "0.2026.11.2.0.34.55"
 WHEEL_SHA256 = "785cd5bc193d9206316bd7c786fe0647e212ebf017cd861beabedd91cbe585bf"
-INNER, INNER_SHA256 = "astropy_iers_data/data/eopc04.1962-now", "1e87541594a93151182f59ba2af075037b97cb3e68a36557b1a997594ed55c23"
+INNER, INNER_SHA256 = (
+    "astropy_iers_data/data/eopc04.1962-now",
+    "1e87541594a93151182f59ba2af075037b97cb3e68a36557b1a997594ed55c23",
+)
 FIRST, LAST = 55562, 58849  # MJD
 
 

@@ -45,7 +45,9 @@ def test_anchors_of_the_specification(run, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(name))
-    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -53,7 +55,11 @@ def test_anchors_of_the_specification(run, name):
 def test_stored_reference(run, name):
     if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
         pytest.skip(f"no reference of {name} is stored yet; make one with: make reference")
-    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(name), "quick") if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 

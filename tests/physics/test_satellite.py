@@ -37,7 +37,9 @@ def cunningham(r, field, n_max):
             W[m, m] = (2 * m - 1) * (x0 * W[m - 1, m - 1] + y0 * V[m - 1, m - 1])
         for n in range(m + 1, n_max + 2):
             for X in (V, W):
-                X[n, m] = ((2 * n - 1) * z0 * X[n - 1, m] - (n + m - 1) * rho * (X[n - 2, m] if n > 1 else 0.0)) / (n - m)
+                X[n, m] = ((2 * n - 1) * z0 * X[n - 1, m] - (n + m - 1) * rho * (X[n - 2, m] if n > 1 else 0.0)) / (
+                    n - m
+                )
     a = np.zeros(3)
     for n in range(n_max + 1):
         for m in range(n + 1):
@@ -78,7 +80,14 @@ def independent_force(t, y, field):
 def test_orbit_of_an_independent_implementation(world):
     """4.4 h of session ST: scipy's adaptive DOP853, Cunningham's recursion, ERFA's matrix, bodies straight from DE421. 1 mm."""
     field, span = load_field("EGM96", 10), (T0, T0 + 15900.0)
-    other = solve_ivp(lambda t, y: np.concatenate([y[3:], independent_force(t, y, field)]), span, START, "DOP853", rtol=1e-11, atol=1e-6)
+    other = solve_ivp(
+        lambda t, y: np.concatenate([y[3:], independent_force(t, y, field)]),
+        span,
+        START,
+        "DOP853",
+        rtol=1e-11,
+        atol=1e-6,
+    )
     ours = world.propagate(START, np.array(span)).y[-1]
     np.testing.assert_allclose(ours[:3], other.y[:3, -1], rtol=0, atol=1e-3)
     np.testing.assert_allclose(ours[3:], other.y[3:, -1], rtol=0, atol=1e-7)
@@ -87,7 +96,9 @@ def test_orbit_of_an_independent_implementation(world):
 def test_acceleration_low_down_where_all_degrees_count(world):
     """At 7000 km the harmonics to degree 10 are 1e-5 m/s^2: 1e-12 relative to the whole."""
     y = np.array([4.1e6, -3.2e6, 4.9e6, 1e3, 5e3, 4e3])
-    np.testing.assert_allclose(world.acceleration(60000.0, y), independent_force(60000.0, y, load_field("EGM96", 10)), rtol=0, atol=2e-9)
+    np.testing.assert_allclose(
+        world.acceleration(60000.0, y), independent_force(60000.0, y, load_field("EGM96", 10)), rtol=0, atol=2e-9
+    )
 
 
 @compiled
@@ -115,7 +126,9 @@ def test_transition_matrix_is_the_derivative_of_the_flow(world):
         e = np.zeros(6)
         e[j] = 1e3 if j < 3 else 1.0
         states = [world.propagate(START + sign * e, np.array([T0, t1])).y[-1] for sign in (1, -1)]
-        np.testing.assert_allclose(Phi[:, j], (states[0] - states[1]) / (2 * e[j]), rtol=0, atol=1e-6 * np.abs(Phi[:, j]).max())
+        np.testing.assert_allclose(
+            Phi[:, j], (states[0] - states[1]) / (2 * e[j]), rtol=0, atol=1e-6 * np.abs(Phi[:, j]).max()
+        )
     np.testing.assert_allclose(end, world.propagate(START, np.array([T0, t1])).y[-1], rtol=0, atol=1e-4)
 
 
@@ -189,7 +202,9 @@ def test_relativity_of_a_circular_orbit():
 
 def test_shapiro_of_a_radial_ray():
     """r2 = r1 + D gives 2 GM/c^3 ln(r2/r1)."""
-    assert shapiro(6.4e6, 9e7, 9e7 - 6.4e6, 3.986e14) == pytest.approx(2 * 3.986e14 / C_LIGHT**3 * np.log(9e7 / 6.4e6), rel=1e-12)
+    assert shapiro(6.4e6, 9e7, 9e7 - 6.4e6, 3.986e14) == pytest.approx(
+        2 * 3.986e14 / C_LIGHT**3 * np.log(9e7 / 6.4e6), rel=1e-12
+    )
 
 
 def test_bad_input(world):

@@ -7,7 +7,9 @@ from geokalman.physics import timescales
 from geokalman.physics.timescales import iso_utc, mjd_of_date, parse_utc, seconds_of_day, tai_minus_utc, tt_minus_utc
 
 
-@pytest.mark.parametrize("date", [(1972, 1, 1), (1999, 6, 30), (2012, 6, 30), (2012, 7, 1), (2013, 5, 7), (2016, 12, 31), (2017, 1, 1)])
+@pytest.mark.parametrize(
+    "date", [(1972, 1, 1), (1999, 6, 30), (2012, 6, 30), (2012, 7, 1), (2013, 5, 7), (2016, 12, 31), (2017, 1, 1)]
+)
 def test_leap_seconds_are_those_of_erfa(date):
     assert tai_minus_utc(mjd_of_date(*date)) == erfa.dat(*date, 0.0)
 

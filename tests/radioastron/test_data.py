@@ -70,7 +70,10 @@ def test_an_outlier_does_not_look_like_another_link(drawn):
         changed(data, range=with_value(data.range, 40, data.range[40] + 500.0))
 
 
-@pytest.mark.parametrize("kwargs", [{"prior_position": 0.0}, {"sigma_range": -1.0}, {"sigma_rate": float("nan")}, {"bias_rate": float("inf")}])
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"prior_position": 0.0}, {"sigma_range": -1.0}, {"sigma_rate": float("nan")}, {"bias_rate": float("inf")}],
+)
 def test_sigmas_must_be_positive(kwargs):
     with pytest.raises(ValueError, match="must be a positive finite sigma"):
         Levels(**kwargs)
@@ -85,7 +88,13 @@ def test_unknown_bias():
 
 
 def test_weights_default_to_the_noise():
-    p = {"sigma_range_m": 7.0, "sigma_rate_m_s": 2e-3, "filter_sigma_range_m": None, "filter_sigma_rate_m_s": 5e-3, "estimate_bias": True}
+    p = {
+        "sigma_range_m": 7.0,
+        "sigma_rate_m_s": 2e-3,
+        "filter_sigma_range_m": None,
+        "filter_sigma_rate_m_s": 5e-3,
+        "estimate_bias": True,
+    }
     assert Weights.from_parameters(p) == Weights(7.0, 5e-3, True)
     assert Levels.from_parameters({"prior_pos_m": 3.0, "bias": "none"}) == Levels(prior_position=3.0, bias="none")
 

@@ -20,7 +20,9 @@ BIASED = Weights(10.0, 1e-3, True)
 
 def small_draw(st, seed=5):
     """A draw with a small a-priori error, where all estimators are linear, and no unmodelled force."""
-    levels = Levels(prior_position=20.0, prior_velocity=5e-4, bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0)
+    levels = Levels(
+        prior_position=20.0, prior_velocity=5e-4, bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0
+    )
     return simulate.draw(*st, levels, (st[0].station,), np.random.default_rng(seed))
 
 
@@ -67,12 +69,19 @@ def test_estimate_is_within_its_covariance_where_the_model_is_right(st):
 def test_compiled_filter_is_the_plain_loop(st, drawn):
     """A few epochs by `.py_func`, to rounding."""
     keep = np.r_[0:4, 85:89]
-    data = dataclasses.replace(drawn[1], **{name: getattr(drawn[1], name)[keep] for name in ("t", "station", "arc", "range", "rate")})
+    data = dataclasses.replace(
+        drawn[1], **{name: getattr(drawn[1], name)[keep] for name in ("t", "station", "arc", "range", "rate")}
+    )
     compiled = estimate.extended(data, st[1])
     x, P, columns = estimate._start(data, INFLATED)
     t, station, z, itrs = estimate._arrays(data, st[1])
     mean, cov, white = np.empty((len(t), 6)), np.empty((len(t), 6, 6)), np.full((len(t), 2), np.nan)
-    assert estimate._extended.py_func(t, station, columns, z, 2500.0, 9e-6, x, P, itrs, st[1].params, 0, 1, 0.0, estimate.STEP, mean, cov, white) == -1
+    assert (
+        estimate._extended.py_func(
+            t, station, columns, z, 2500.0, 9e-6, x, P, itrs, st[1].params, 0, 1, 0.0, estimate.STEP, mean, cov, white
+        )
+        == -1
+    )
     np.testing.assert_allclose(mean, compiled.mean, rtol=1e-13)
     np.testing.assert_allclose(white, compiled.innovations, rtol=1e-6, atol=1e-9)
 
@@ -84,8 +93,12 @@ def test_missing_data_are_left_out(st, drawn):
     deaf = estimate.extended(data, st[1], Weights(50.0, 1e6)).orbit
     np.testing.assert_allclose(no_rates.mean, deaf.mean, rtol=1e-9)
     hole = np.where(np.arange(170) == 60, np.nan, 1.0)
-    with_hole = estimate.extended(dataclasses.replace(data, range=data.range * hole, rate=data.rate * hole), st[1]).orbit
-    without = dataclasses.replace(data, **{name: np.delete(getattr(data, name), 60) for name in ("t", "station", "arc", "range", "rate")})
+    with_hole = estimate.extended(
+        dataclasses.replace(data, range=data.range * hole, rate=data.rate * hole), st[1]
+    ).orbit
+    without = dataclasses.replace(
+        data, **{name: np.delete(getattr(data, name), 60) for name in ("t", "station", "arc", "range", "rate")}
+    )
     np.testing.assert_allclose(with_hole.mean, estimate.extended(without, st[1]).orbit.mean, rtol=1e-10)
 
 
@@ -124,7 +137,9 @@ def test_literal_equation_leaves_the_orbit(st, state):
     assert np.linalg.norm(y[:3] - right[1, :3]) == pytest.approx(268.0, rel=0.02)
     assert np.linalg.norm(y[3:] - right[1, 3:]) == pytest.approx(9.03, rel=0.02)
     once = estimate.literal_step(state, forces.gradient(session.first, state), 600.0) - right[2]
-    assert np.linalg.norm(once[:3]) == pytest.approx(8997.0, rel=0.02) and np.linalg.norm(once[3:]) == pytest.approx(90.2, rel=0.02)
+    assert np.linalg.norm(once[:3]) == pytest.approx(8997.0, rel=0.02) and np.linalg.norm(once[3:]) == pytest.approx(
+        90.2, rel=0.02
+    )
 
 
 def test_errors(st, drawn):
@@ -176,7 +191,9 @@ def test_monte_carlo_is_centred_on_the_large_sample(st):
         for ours, many in ((runs["prior"], prior), (runs[how], post)):
             for kind in ("delay", "rate"):
                 values = getattr(ours, kind)
-                assert assess.rms(values) == pytest.approx(assess.rms(getattr(many, kind)), abs=3.0 * assess.standard_error(values)), (how, kind)
+                assert assess.rms(values) == pytest.approx(
+                    assess.rms(getattr(many, kind)), abs=3.0 * assess.standard_error(values)
+                ), (how, kind)
 
 
 @compiled
@@ -197,7 +214,12 @@ def test_large_sample_values(name, weights, bias, stations, delay, rate, shares)
     """Section 4.3: 4000 draws of ours against 4000 of another implementation. Standard error of an rms 1.1 %, of the difference
     1.6 %: 5 % is three of them; of a share 0.8 %, of the difference 1.1 %."""
     prior, post = study.large_sample(find_session(name), Levels(bias=bias), weights, stations)
-    for ours, theirs in ((prior.delay, delay[0] * 1e-6), (post.delay, delay[1] * 1e-6), (prior.rate, rate[0]), (post.rate, rate[1])):
+    for ours, theirs in (
+        (prior.delay, delay[0] * 1e-6),
+        (post.delay, delay[1] * 1e-6),
+        (prior.rate, rate[0]),
+        (post.rate, rate[1]),
+    ):
         assert assess.rms(ours) == pytest.approx(theirs, rel=0.055)
     if shares is not None:
         delay_gain, rate_gain = assess.gain(prior.delay, post.delay), assess.gain(prior.rate, post.rate)
@@ -208,11 +230,15 @@ def test_large_sample_values(name, weights, bias, stations, delay, rate, shares)
 def test_single_step_and_bias_per_pass():
     """RA-8: naive weights are worse than no filter, larger ones repair it; one step of I + FT over the gap ruins the rate."""
     names = ("prior", "ekf", "naive", "single", "ukf", "batch-bias", "substeps")
-    runs = study.standard(find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: study.ALL[n] for n in names})
+    runs = study.standard(
+        find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: study.ALL[n] for n in names}
+    )
     rms = {n: assess.rms(r.delay) for n, r in runs.items()}
     assert rms["naive"] > 1.2 * rms["prior"] and rms["ekf"] < 0.45 * rms["prior"]
     assert assess.rms(runs["single"].rate) > 1.7 * assess.rms(runs["naive"].rate)
-    assert rms["ukf"] == pytest.approx(rms["ekf"], rel=0.02) and rms["substeps"] == pytest.approx(rms["naive"], rel=0.02)
+    assert rms["ukf"] == pytest.approx(rms["ekf"], rel=0.02) and rms["substeps"] == pytest.approx(
+        rms["naive"], rel=0.02
+    )
     # the median, for an impulse that no filter knows of makes a few runs far worse than their covariance
     assert np.median(runs["naive"].nees_end) > 20.0 > np.median(runs["batch-bias"].nees_end)
 
@@ -245,7 +271,9 @@ def test_forces_that_the_filter_lacks_move_the_orbit_by_metres(st, state):
     reference = st[1].propagate(state, span).r[-1, 0]
     for model, change, rel in ((ForceModel(degree=2), 0.02, 0.1), (ForceModel(kappa=0.0), 22.0, 0.02), (ForceModel(relativity=False), 1.2e-3, 0.1),
                                (ForceModel(bodies=("sun", "venus")), 1397.0, 0.01), (ForceModel(bodies=("moon", "venus")), 590.0, 0.01)):  # fmt: skip
-        assert np.linalg.norm(world(st[0], model).propagate(state, span).r[-1, 0] - reference) == pytest.approx(change, rel=rel)
+        assert np.linalg.norm(world(st[0], model).propagate(state, span).r[-1, 0] - reference) == pytest.approx(
+            change, rel=rel
+        )
 
 
 def test_formal_sigmas_do_not_need_a_monte_carlo(st):

@@ -52,7 +52,9 @@ def test_orbit_view(theme):
 
 
 def test_ground_track_is_cut_at_the_date_line(theme):
-    figure = figures.ground_track(np.array([170.0, 178.0, -174.0]), np.array([10.0, 12.0, 14.0]), {"here": (30.0, 50.0), "there": (40.0, 60.0)})
+    figure = figures.ground_track(
+        np.array([170.0, 178.0, -174.0]), np.array([10.0, 12.0, 14.0]), {"here": (30.0, 50.0), "there": (40.0, 60.0)}
+    )
     dressed(figure, theme, "longitude [deg]", "latitude [deg]")
     assert np.isnan(line(figure.axes[0], "spacecraft").get_xdata()[2])
     assert {t.get_text() for t in figure.axes[0].texts} == {"here", "there"}
@@ -60,7 +62,12 @@ def test_ground_track_is_cut_at_the_date_line(theme):
 
 def test_elevation(theme):
     t = np.array([36000.0, 39600.0])
-    figure = figures.elevation(t, {"Bear Lakes": np.array([20.0, 30.0]), "Evpatoria": np.array([15.0, 16.0])}, [(36100.0, 36200.0)], (39000.0, 39500.0))
+    figure = figures.elevation(
+        t,
+        {"Bear Lakes": np.array([20.0, 30.0]), "Evpatoria": np.array([15.0, 16.0])},
+        [(36100.0, 36200.0)],
+        (39000.0, 39500.0),
+    )
     dressed(figure, theme, "UTC [h]", "elevation [deg]")
     np.testing.assert_array_equal(line(figure.axes[0], "Bear Lakes").get_xdata(), [10.0, 11.0])
 
@@ -94,7 +101,11 @@ def test_scans_show_medians_of_sizes(theme):
     figure = figures.scans(delay, rate, ((np.nan, np.nan), (1.8e-10, 2e-11)))
     dressed(figure, theme, "[µs]", "[1e-10 s/s]")
     np.testing.assert_allclose(line(figure.axes[0], "EKF").get_ydata(), 1e6 * np.median(np.abs(delay["ekf"]), axis=0))
-    levels = [artist.get_ydata()[0] for artist in figure.axes[1].get_lines() if artist.get_linestyle() == ":" and len(artist.get_ydata())]
+    levels = [
+        artist.get_ydata()[0]
+        for artist in figure.axes[1].get_lines()
+        if artist.get_linestyle() == ":" and len(artist.get_ydata())
+    ]
     np.testing.assert_allclose(sorted(levels), [0.2, 1.8])
 
 
@@ -117,7 +128,9 @@ def test_covariance_history(theme):
 def test_share_of_runs_that_gain_more(theme):
     figure = figures.histogram({"ekf": np.array([4.0, 1.0, 2.0, 20.0])}, 10.0, "gain")
     dressed(figure, theme, "gain", "share of runs")
-    np.testing.assert_array_equal(line(figure.axes[0], "EKF").get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]])
+    np.testing.assert_array_equal(
+        line(figure.axes[0], "EKF").get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]]
+    )
     assert line(figure.axes[0], "printed").get_xdata()[0] == 10.0
 
 

@@ -29,13 +29,18 @@ CONSIDER = [  # session, weights, own, common, per pass: (delay, rate, position)
 @pytest.mark.parametrize(("name", "stations", "changes", "weights", "delay", "rate", "position"), SIGMAS)
 def test_formal_sigmas(name, stations, changes, weights, delay, rate, position):
     levels = Levels(**FREE | changes)
-    own = formal.evaluate(find_session(name), levels, weights or Weights(levels.sigma_range, levels.sigma_rate), stations).own
+    own = formal.evaluate(
+        find_session(name), levels, weights or Weights(levels.sigma_range, levels.sigma_rate), stations
+    ).own
     assert (1e6 * own.delay, own.rate) == (pytest.approx(delay, rel=0.03), pytest.approx(rate, rel=0.05))
     if position is not None:
         assert own.position == pytest.approx(position, rel=0.03)
 
 
-@pytest.mark.parametrize(("name", "delay", "rate"), [("ST", 7.661, 1.978e-10), ("OE", 12.749, 2.928e-10), ("BB", 7.377, 1.755e-10), ("BC", 8.934, 1.897e-10)])
+@pytest.mark.parametrize(
+    ("name", "delay", "rate"),
+    [("ST", 7.661, 1.978e-10), ("OE", 12.749, 2.928e-10), ("BB", 7.377, 1.755e-10), ("BC", 8.934, 1.897e-10)],
+)
 def test_prior_sigmas(name, delay, rate):
     prior = formal.evaluate(find_session(name), Levels(**FREE), NAIVE).prior
     assert (1e6 * prior.delay, prior.rate) == (pytest.approx(delay, rel=5e-3), pytest.approx(rate, rel=5e-3))
@@ -49,12 +54,16 @@ def test_consider_covariance(name, weights, own, common, per_pass):
         assert (1e6 * ours.delay, ours.rate, ours.position) == tuple(pytest.approx(x, rel=0.03) for x in wanted), kind
 
 
-@pytest.mark.parametrize(("anomaly", "distance", "delay"), [(20.0, 89, 1.35), (32.0, 121, 1.80), (90.0, 241, 1.88), (180.0, 307, 1.89)])
+@pytest.mark.parametrize(
+    ("anomaly", "distance", "delay"), [(20.0, 89, 1.35), (32.0, 121, 1.80), (90.0, 241, 1.88), (180.0, 307, 1.89)]
+)
 def test_the_place_on_the_orbit_matters_little(anomaly, distance, delay):
     session = find_session("ST", anomaly)
     sigmas = formal.evaluate(session, Levels(**FREE), NAIVE, source="east 15").own
     assert 1e6 * sigmas.delay == pytest.approx(delay, rel=0.03) and 4.6e-11 < sigmas.rate < 8.9e-11
-    assert np.linalg.norm(formal.linearise(session, world(session), ("Bear Lakes",)).start[:3]) / 1e6 == pytest.approx(distance, abs=1)
+    assert np.linalg.norm(formal.linearise(session, world(session), ("Bear Lakes",)).start[:3]) / 1e6 == pytest.approx(
+        distance, abs=1
+    )
 
 
 def test_axes_of_the_position():
@@ -72,5 +81,7 @@ def test_an_honest_estimator_considers_what_it_believes(st):
     g = formal.linearise(*st, ("Bear Lakes",))
     solution = formal.solve(g, Levels(**FREE), NAIVE)
     sigma = np.sqrt(np.diag(solution.own))
-    np.testing.assert_allclose(solution.consider / np.outer(sigma, sigma), solution.own / np.outer(sigma, sigma), atol=1e-6)
+    np.testing.assert_allclose(
+        solution.consider / np.outer(sigma, sigma), solution.own / np.outer(sigma, sigma), atol=1e-6
+    )
     assert np.degrees(formal.angle_to_source(g.start, find_source("", st[0]))) == pytest.approx(25.6, abs=0.1)

@@ -18,7 +18,17 @@ def scene(name):
     itrs, places = np.array(STATIONS[session.station]), [np.empty(3) for _ in range(3)]
     for place, offset in zip(places, (0.0, -0.5, 0.5), strict=True):
         twoway.station_step(t + offset, itrs, dynamics.params, place)
-    return y, dynamics.acceleration(t, y), dynamics.gradient(t, y) @ y[3:], places[0], places[2] - places[1], dynamics.body("moon", t), t, dynamics, itrs
+    return (
+        y,
+        dynamics.acceleration(t, y),
+        dynamics.gradient(t, y) @ y[3:],
+        places[0],
+        places[2] - places[1],
+        dynamics.body("moon", t),
+        t,
+        dynamics,
+        itrs,
+    )
 
 
 @pytest.mark.parametrize("name", SESSIONS)
@@ -39,11 +49,15 @@ def test_rigorous_doppler_is_the_derivative_of_the_light_time():
         place = np.empty(3)
         twoway.station_step(t + offset, itrs, dynamics.params, place)
         state = dynamics.propagate(y, np.array([t, t + offset])).y[-1]
-        tau.append(oneway.rigorous_light_time(state, dynamics.acceleration(t + offset, state), place, with_shapiro=False))
+        tau.append(
+            oneway.rigorous_light_time(state, dynamics.acceleration(t + offset, state), place, with_shapiro=False)
+        )
     place, before, after = np.empty(3), np.empty(3), np.empty(3)
     for out, offset in ((place, 0.0), (before, -0.5), (after, 0.5)):
         twoway.station_step(t + offset, itrs, dynamics.params, out)
-    assert -C_LIGHT * (tau[1] - tau[0]) / 20.0 == pytest.approx(oneway.rigorous_doppler(y, a, place, after - before, jerk), abs=2e-5)
+    assert -C_LIGHT * (tau[1] - tau[0]) / 20.0 == pytest.approx(
+        oneway.rigorous_doppler(y, a, place, after - before, jerk), abs=2e-5
+    )
 
 
 def test_terms_of_session_st():
@@ -115,4 +129,6 @@ def test_confusing_the_links_costs_two_tenths_of_a_metre_per_second():
     y, a, _, station, velocity, moon, t, dynamics, itrs = scene("ST")
     z = np.empty(2)
     twoway.observe_step(t, y, a, itrs, dynamics.params, True, z)
-    assert abs(oneway.doppler(oneway.doppler_terms(y, a, station, velocity, moon)) + z[1]) == pytest.approx(0.19, abs=0.02)
+    assert abs(oneway.doppler(oneway.doppler_terms(y, a, station, velocity, moon)) + z[1]) == pytest.approx(
+        0.19, abs=0.02
+    )

@@ -49,7 +49,9 @@ def test_geometry(name, epochs, baseline, angle, first, last):
     assert (np.sum(arc == 0), np.sum(arc == 1)) == epochs
     g = formal.linearise(session, dynamics, (session.station,))
     source = find_source("", session)
-    assert formal.projected_baseline(g, session.telescopes[0], source) / EARTH_DIAMETER == pytest.approx(baseline, abs=0.01)
+    assert formal.projected_baseline(g, session.telescopes[0], source) / EARTH_DIAMETER == pytest.approx(
+        baseline, abs=0.01
+    )
     assert np.degrees(formal.angle_to_source(g.middle, source)) == pytest.approx(angle, abs=0.06)
     ends = session.epochs()[[0, -1]]
     heights = np.degrees(simulate.elevations(dynamics, ends, dynamics.propagate(g.start, ends).y, session.station))

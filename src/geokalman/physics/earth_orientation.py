@@ -93,9 +93,21 @@ def orientation_point(row: np.ndarray, era: float, out: np.ndarray) -> None:
     b10, b11, b12 = s * w00, s * w01 + c * w11, s * w02 + c * w12
     q00, q01, q11 = 1.0 - a * X * X, -a * X * Y, 1.0 - a * Y * Y
     q22 = 1.0 - a * (X * X + Y * Y)
-    out[0, 0], out[0, 1], out[0, 2] = q00 * b00 + q01 * b10 + X * w20, q00 * b01 + q01 * b11 + X * w21, q00 * b02 + q01 * b12 + X * w22
-    out[1, 0], out[1, 1], out[1, 2] = q01 * b00 + q11 * b10 + Y * w20, q01 * b01 + q11 * b11 + Y * w21, q01 * b02 + q11 * b12 + Y * w22
-    out[2, 0], out[2, 1], out[2, 2] = q22 * w20 - X * b00 - Y * b10, q22 * w21 - X * b01 - Y * b11, q22 * w22 - X * b02 - Y * b12
+    out[0, 0], out[0, 1], out[0, 2] = (
+        q00 * b00 + q01 * b10 + X * w20,
+        q00 * b01 + q01 * b11 + X * w21,
+        q00 * b02 + q01 * b12 + X * w22,
+    )
+    out[1, 0], out[1, 1], out[1, 2] = (
+        q01 * b00 + q11 * b10 + Y * w20,
+        q01 * b01 + q11 * b11 + Y * w21,
+        q01 * b02 + q11 * b12 + Y * w22,
+    )
+    out[2, 0], out[2, 1], out[2, 2] = (
+        q22 * w20 - X * b00 - Y * b10,
+        q22 * w21 - X * b01 - Y * b11,
+        q22 * w22 - X * b02 - Y * b12,
+    )
 
 
 @functools.cache

@@ -17,7 +17,14 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.dop853 import FORCE
-from geokalman.physics.earth_orientation import COLUMNS, DAY, ERA_RATE, Array, era_at_midnight, load_orientation, orientation_point
+from geokalman.physics.earth_orientation import (
+    COLUMNS,
+    ERA_RATE,
+    Array,
+    era_at_midnight,
+    load_orientation,
+    orientation_point,
+)
 from geokalman.physics.ephemeris import load_ephemeris
 from geokalman.physics.gradient import gradient_point, pack_gradient
 from geokalman.physics.gravity import acceleration_point, pack
@@ -92,7 +99,9 @@ class Dynamics:
         """Raise ValueError where a time [s] is outside the span of the tables."""
         for t in times:
             if not self.first <= t <= self.last:
-                raise ValueError(f"t = {t:.10g} s is outside the tables of MJD {self.day}, which span {self.first:.10g} to {self.last:.10g} s")
+                raise ValueError(
+                    f"t = {t:.10g} s is outside the tables of MJD {self.day}, which span {self.first:.10g} to {self.last:.10g} s"
+                )
 
     def propagate(self, state: Array, t: Array, step: float = INTEGRATION_STEP) -> Orbits:
         """Integrate the state (6,) at t[0] [GCRS, m, m/s] by DOP853 to all times t (n,) [s], forward or backward.
@@ -100,7 +109,15 @@ class Dynamics:
         Raises ValueError for times outside the tables, ArithmeticError where the satellite comes down.
         """
         self.check_span(t[0], t[-1])
-        return integrate(satellite_force, self.params, state, np.asarray(t, dtype=float), "dop853", step, surface=self.params[_RADIUS])
+        return integrate(
+            satellite_force,
+            self.params,
+            state,
+            np.asarray(t, dtype=float),
+            "dop853",
+            step,
+            surface=self.params[_RADIUS],
+        )
 
     def acceleration(self, t: float, state: Array) -> Array:
         """Acceleration (3,) at the state (6,) [m s^-2]."""
@@ -287,7 +304,7 @@ def runge_kutta_step(t, h, y, params, middle, out):
 @njit(cache=True)
 def propagate_step(t0, t1, longest, y, params):
     """Take the state y (6,) from t0 to t1 [s] in place, in equal fourth-order steps no longer than `longest` [s]."""
-    steps = max(1, int(math.ceil(abs(t1 - t0) / longest - 1e-9)))
+    steps = max(1, math.ceil(abs(t1 - t0) / longest - 1e-9))
     h = (t1 - t0) / steps
     middle, after = np.empty(3), np.empty(6)
     if t1 != t0:
@@ -301,7 +318,7 @@ def transition_step(t0, t1, longest, y, params, Phi):
     """As `propagate_step`, and put the transition matrix after that in Phi (6, 6): Phi = Phi(t1, t0) Phi, in place."""
     if t1 == t0:
         return
-    steps = max(1, int(math.ceil(abs(t1 - t0) / longest - 1e-9)))
+    steps = max(1, math.ceil(abs(t1 - t0) / longest - 1e-9))
     h = (t1 - t0) / steps
     middle, after, step = np.empty(3), np.empty(6), np.empty((6, 6))
     G0, Gm, G1 = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -322,7 +339,7 @@ def euler_transition_step(t0, t1, longest, y, params, Phi):
     """As `transition_step` with the matrix I + F T of each step, F at its start: radioastron-orbit (13)."""
     if t1 == t0:
         return
-    steps = max(1, int(math.ceil(abs(t1 - t0) / longest - 1e-9)))
+    steps = max(1, math.ceil(abs(t1 - t0) / longest - 1e-9))
     h = (t1 - t0) / steps
     G, A = np.empty((3, 3)), np.zeros((6, 6))
     for i in range(steps):
@@ -343,6 +360,7 @@ def budget(model: Dynamics, t: float, state: Array) -> Mapping[str, float]:
 
     Names: kepler, j2, degrees_3_up, one for each body of `GM_BODIES`, solar_pressure, relativity.
     """
+
     def size(reference: ForceModel, changed: ForceModel) -> float:
         parts = [dynamics(model.day, model.first, model.last, m).acceleration(t, state) for m in (reference, changed)]
         return float(np.linalg.norm(parts[1] - parts[0]))

@@ -35,7 +35,9 @@ def tai_minus_utc(mjd: int) -> int:
     Source: IERS Bulletin C 72 (July 2026).
     """
     if not _LEAP[0][0] <= mjd <= _KNOWN_UNTIL:
-        raise ValueError(f"MJD {mjd} is outside {_LEAP[0][0]} to {_KNOWN_UNTIL} (1972-01-01 to 2027-06-28), where leap seconds are known")
+        raise ValueError(
+            f"MJD {mjd} is outside {_LEAP[0][0]} to {_KNOWN_UNTIL} (1972-01-01 to 2027-06-28), where leap seconds are known"
+        )
     return next(seconds for first, seconds in reversed(_LEAP) if mjd >= first)
 
 
@@ -66,7 +68,9 @@ def parse_utc(text: str) -> tuple[int, float]:
     total = 3600.0 * hour + 60.0 * minute + second
     longest = 60.0 if (hour, minute) != (23, 59) else 60.0 + seconds_of_day(mjd) - 86400
     if hour > 23 or minute > 59 or second >= longest:
-        raise ValueError(f"{text!r} is no UTC epoch: its time of day does not exist (MJD {mjd} has {seconds_of_day(mjd)} s)")
+        raise ValueError(
+            f"{text!r} is no UTC epoch: its time of day does not exist (MJD {mjd} has {seconds_of_day(mjd)} s)"
+        )
     return mjd, total
 
 

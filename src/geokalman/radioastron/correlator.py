@@ -74,6 +74,8 @@ class Setup:
     def sample(self) -> float:
         """Sampling step 1/(2 B) [s], the unit in which the paper bounds the delay error (2)."""
         return 0.5 / self.bandwidth
+
+
 _BLOCK = 32  # columns transformed at a time: they fit the cache
 
 
@@ -93,7 +95,9 @@ class Plane(NamedTuple):
     snr: Array
 
 
-def visibilities(setup: Setup, delay: Array, rate: Array, snr0: float = SNR0, rng: np.random.Generator | None = None) -> Array:
+def visibilities(
+    setup: Setup, delay: Array, rate: Array, snr0: float = SNR0, rng: np.random.Generator | None = None
+) -> Array:
     """Cells (periods, channels) of a scan with residual delay (periods,) [s] and its rate (periods,) [s/s].
 
     rng : None for no noise; else the real part of all cells is drawn first, then the imaginary part, each over sqrt(2).
@@ -105,7 +109,9 @@ def visibilities(setup: Setup, delay: Array, rate: Array, snr0: float = SNR0, rn
             f"({setup.n_channels} channels in {setup.bandwidth / 1e6:g} MHz); take more channels"
         )
     segment = setup.n_channels / setup.bandwidth
-    loss = np.maximum(0.0, 1.0 - np.abs(delay) / segment) * np.sinc((setup.frequency + 0.5 * setup.bandwidth) * rate * setup.period)
+    loss = np.maximum(0.0, 1.0 - np.abs(delay) / segment) * np.sinc(
+        (setup.frequency + 0.5 * setup.bandwidth) * rate * setup.period
+    )
     amplitude = snr0 / math.sqrt(setup.cells)
     channels = (np.arange(setup.n_channels) + 0.5) * setup.bandwidth / setup.n_channels
     # in two steps, for f_RF dtau is 1e4 turns
@@ -165,10 +171,19 @@ def coherence(setup: Setup, rate: float, acceleration: float) -> float:
     return find(setup, cells).snr
 
 
-def scan_snr(setup: Setup, delay: float, rate: float, acceleration: float, rng: np.random.Generator | None = None) -> float:
-    """SNR of a scan whose residual delay, rate and acceleration are those of its middle."""
-    start = delay - 0.5 * rate * setup.duration
-    return find(setup, visibilities(setup, *polynomial(setup, start, rate, acceleration), rng=rng)).snr
+def scan_snr(
+    setup: Setup, delay: float, rate: float, acceleration: float, rng: np.random.Generator | None = None
+) -> float:
+    """SNR of a scan whose residual delay, rate and acceleration are those of its middle.
+
+    A residual that leaves the lag window leaves the peak of the noise (0 without noise): no fringe.
+    """
+    track = polynomial(setup, delay - 0.5 * rate * setup.duration, rate, acceleration)
+    if np.abs(track[0]).max() <= setup.window:
+        return find(setup, visibilities(setup, *track, rng=rng)).snr
+    if rng is None:
+        return 0.0
+    return find(setup, visibilities(setup, 0.0 * track[0], 0.0 * track[1], snr0=0.0, rng=rng)).snr
 
 
 def within_window(setup: Setup, rate: float, acceleration: float, steps: int = 1) -> bool:

@@ -142,10 +142,14 @@ class Observations:
         same = (step == 0.0) & (np.diff(self.station) == 0)
         if same.any():
             k = int(same.argmax()) + 1
-            raise ValueError(f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); drop the duplicate")
+            raise ValueError(
+                f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); drop the duplicate"
+            )
         if (step > LONGEST_GAP).any():
             k = int((step > LONGEST_GAP).argmax())
-            raise ValueError(f"the gap of {step[k]:g} s after {self.t[k]:g} s is longer than a day; estimate the arcs one by one")
+            raise ValueError(
+                f"the gap of {step[k]:g} s after {self.t[k]:g} s is longer than a day; estimate the arcs one by one"
+            )
         for name in self.stations:
             find_station(name)
         check_prior(self.prior_mean, self.prior_cov)
@@ -154,7 +158,10 @@ class Observations:
             self._check_ranges(seen[0])
         self._check_rates()
         if len(np.unique(self.arc)) < 2:
-            warnings.warn("one pass alone leaves the orbit undetermined across the line of sight; the a-priori state decides there", stacklevel=3)
+            warnings.warn(
+                "one pass alone leaves the orbit undetermined across the line of sight; the a-priori state decides there",
+                stacklevel=3,
+            )
 
     def _check_ranges(self, k: int) -> None:
         expected = float(np.linalg.norm(self.prior_mean[:3]))
@@ -163,20 +170,30 @@ class Observations:
         if abs(self.range[k] - expected) <= spread:
             return
         hint = "check the units"
-        for factor, words in ((1e-3, "it seems to be in km"), (2.0, "it seems to be the whole way up and down, not half"), (1e3, "it seems to be in mm")):
+        for factor, words in (
+            (1e-3, "it seems to be in km"),
+            (2.0, "it seems to be the whole way up and down, not half"),
+            (1e3, "it seems to be in mm"),
+        ):
             if abs(self.range[k] / factor - expected) <= spread:
                 hint = words
-        raise ValueError(f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the a-priori state: {hint}")
+        raise ValueError(
+            f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the a-priori state: {hint}"
+        )
 
     def _check_rates(self) -> None:
         """Hold the range-rates of each pass against the slope of its ranges: a sign or a link that is another shows at once."""
         for arc in np.unique(self.arc):
             for station in np.unique(self.station):
-                rows = np.flatnonzero((self.arc == arc) & (self.station == station) & np.isfinite(self.range) & np.isfinite(self.rate))
+                rows = np.flatnonzero(
+                    (self.arc == arc) & (self.station == station) & np.isfinite(self.range) & np.isfinite(self.rate)
+                )
                 if len(rows) < 5:
                     continue
                 t = self.t[rows] - self.t[rows].mean()
-                fit, (squares, *_) = np.polynomial.polynomial.polyfit(t, self.range[rows] - self.range[rows].mean(), 2, full=True)
+                fit, (squares, *_) = np.polynomial.polynomial.polyfit(
+                    t, self.range[rows] - self.range[rows].mean(), 2, full=True
+                )
                 spread = math.sqrt(float(np.sum(squares)) / max(1, len(rows) - 3) / (t @ t))
                 rate = float(np.median(self.rate[rows]))
                 limit = max(RATE_DISAGREEMENT, 6.0 * spread)
@@ -184,8 +201,12 @@ class Observations:
                     continue
                 where = f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with the slope {fit[1]:.4f} m/s of its ranges"
                 if abs(rate + fit[1]) <= limit:
-                    raise ValueError(f"{where}: their sign is that of a Doppler; a range-rate is positive when receding")
-                raise ValueError(f"{where}: a constant near 0.2 m/s means that one-way Doppler was given to the two-way model")
+                    raise ValueError(
+                        f"{where}: their sign is that of a Doppler; a range-rate is positive when receding"
+                    )
+                raise ValueError(
+                    f"{where}: a constant near 0.2 m/s means that one-way Doppler was given to the two-way model"
+                )
 
 
 def check_prior(mean: Array, cov: Array) -> None:

@@ -11,12 +11,19 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from scipy.linalg import solve_triangular
 
 from geokalman.kalman.gaussian import NotPositiveDefinite
 from geokalman.kalman.linear import predict_step, update_step
 from geokalman.kalman.unscented import sigma_points_step, spread, transform_step, unscented_update_step
 from geokalman.leastsquares import NormalEquations
-from geokalman.physics.satellite import Dynamics, euler_transition_step, propagate_step, satellite_force, transition_step
+from geokalman.physics.satellite import (
+    Dynamics,
+    euler_transition_step,
+    propagate_step,
+    satellite_force,
+    transition_step,
+)
 from geokalman.radioastron.data import INFLATED, Observations, Weights
 from geokalman.radioastron.model import STATIONS, Array
 from geokalman.radioastron.twoway import observe_step, partials_step
@@ -86,12 +93,21 @@ def _start(data: Observations, weights: Weights) -> tuple[Array, Array, Array]:
 def _arrays(data: Observations, world: Dynamics):
     world.check_span(float(data.t[0]) - 2.0, float(data.t[-1]) + 2.0)
     z = np.column_stack([data.range, data.rate])
-    return np.ascontiguousarray(data.t), np.ascontiguousarray(data.station, dtype=np.int64), z, np.array([STATIONS[s] for s in data.stations])
+    return (
+        np.ascontiguousarray(data.t),
+        np.ascontiguousarray(data.station, dtype=np.int64),
+        z,
+        np.array([STATIONS[s] for s in data.stations]),
+    )
 
 
 def extended(
-    data: Observations, world: Dynamics, weights: Weights = INFLATED, transition: Transition = "integrated",
-    iterations: int = 1, process_noise: float = 0.0,
+    data: Observations,
+    world: Dynamics,
+    weights: Weights = INFLATED,
+    transition: Transition = "integrated",
+    iterations: int = 1,
+    process_noise: float = 0.0,
 ) -> Filtered:
     """The extended Kalman filter of the paper, (18)-(23), the state integrated and the innovation y - h(x) (errata E1, E2).
 
@@ -131,7 +147,13 @@ def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, 
 def _filtered(data, x, P, mean, cov, innovations, failed) -> Filtered:
     if failed >= 0:
         raise NotPositiveDefinite("covariance", failed, float(data.t[failed]))
-    return Filtered(data.t, mean, cov, innovations, Orbit(float(data.t[-1]), x[:6].copy(), P[:6, :6].copy(), x[6:], np.sqrt(np.diag(P)[6:])))
+    return Filtered(
+        data.t,
+        mean,
+        cov,
+        innovations,
+        Orbit(float(data.t[-1]), x[:6].copy(), P[:6, :6].copy(), x[6:], np.sqrt(np.diag(P)[6:])),
+    )
 
 
 def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, longest: int = 10) -> Orbit:
@@ -141,7 +163,7 @@ def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, long
     """
     x0, P0, columns = _start(data, weights)
     t, station, z, itrs = _arrays(data, world)
-    root = np.linalg.inv(np.linalg.cholesky(P0))  # P0 is diagonal or 6 x 6 beside a diagonal
+    root = solve_triangular(np.linalg.cholesky(P0), np.eye(len(x0)), lower=True)  # whitens the a-priori state
     sigma = np.array([weights.sigma_range, weights.sigma_rate])
     x = x0.copy()
     for _ in range(longest):
@@ -157,7 +179,9 @@ def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, long
         cov = solution.covariance()
         if np.all(np.abs(step) < _ACCEPTED * np.sqrt(np.diag(cov))):
             return Orbit(float(t[0]), x[:6].copy(), cov[:6, :6].copy(), x[6:], np.sqrt(np.diag(cov)[6:]))
-    raise ArithmeticError(f"the batch estimate still moves after {longest} iterations; is the a-priori state within its sigma?")
+    raise ArithmeticError(
+        f"the batch estimate still moves after {longest} iterations; is the a-priori state within its sigma?"
+    )
 
 
 def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
@@ -169,7 +193,9 @@ def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
     return residual
 
 
-def without_outliers(data: Observations, world: Dynamics, weights: Weights = INFLATED, gate: float = GATE) -> tuple[Observations, Array]:
+def without_outliers(
+    data: Observations, world: Dynamics, weights: Weights = INFLATED, gate: float = GATE
+) -> tuple[Observations, Array]:
     """Take out what lies beyond `gate` sigmas of the fit of a first pass over all data: the data, and a mask (n, 2) of what went.
 
     Not before: an a-priori error of 2 km makes innovations of a hundred sigmas in good data. Each residual is held against the
@@ -178,7 +204,10 @@ def without_outliers(data: Observations, world: Dynamics, weights: Weights = INF
     residual = residuals(data, world, batch(data, world, weights))
     centred = residual - np.nanmedian(residual, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(centred), axis=0), 1e-12)
-    out = np.abs(centred) > gate * np.minimum(np.maximum(spread, 1e-3 * np.array([weights.sigma_range, weights.sigma_rate])), [weights.sigma_range, weights.sigma_rate])
+    out = np.abs(centred) > gate * np.minimum(
+        np.maximum(spread, 1e-3 * np.array([weights.sigma_range, weights.sigma_rate])),
+        [weights.sigma_range, weights.sigma_rate],
+    )
     kept = [np.where(out[:, k], np.nan, column) for k, column in enumerate((data.range, data.rate))]
     return replace(data, range=kept[0], rate=kept[1]), out
 
@@ -195,7 +224,7 @@ def _transition(mode, t0, t1, longest, x, params, Phi):
     if mode == 0:
         transition_step(t0, t1, longest, y, params, Phi6)
     else:
-        euler_transition_step(t0, t1, 10.0 if mode == 1 else 1e9, y, params, Phi6)
+        euler_transition_step(t0, t1, SUBSTEP if mode == 1 else 1e9, y, params, Phi6)
     Phi[:] = 0.0
     for i in range(len(x)):
         Phi[i, i] = 1.0
@@ -227,7 +256,9 @@ def _predicted(t, x, column, itrs, params, H, z):
 
 
 @njit(cache=True)
-def _extended(t, station, columns, z, r_range, r_rate, x, P, itrs, params, mode, iterations, q, longest, mean, cov, innovations):
+def _extended(
+    t, station, columns, z, r_range, r_rate, x, P, itrs, params, mode, iterations, q, longest, mean, cov, innovations
+):
     """All measurements forward, x and P in place; returns -1, or the epoch at which a covariance is not positive definite."""
     n = len(x)
     Phi, Q, x_out, P_out = np.empty((n, n)), np.zeros((n, n)), np.empty(n), np.empty((n, n))
@@ -289,7 +320,13 @@ def _unscented(t, station, columns, z, r_range, r_rate, x, P, itrs, params, c, w
         if m > 0:
             if sigma_points_step(x, P, c, chi, U) != 0:
                 return k
-            gamma, R, S, white, z_seen = np.empty((points, m)), np.zeros((m, m)), np.empty((m, m)), np.empty(m), np.empty(m)
+            gamma, R, S, white, z_seen = (
+                np.empty((points, m)),
+                np.zeros((m, m)),
+                np.empty((m, m)),
+                np.empty(m),
+                np.empty(m),
+            )
             for i in range(m):
                 R[i, i] = r_range if seen[i] == 0 else r_rate
                 z_seen[i] = z[k, seen[i]]

@@ -62,7 +62,9 @@ def linearise(session: Session, world: Dynamics, stations: tuple[str, ...]) -> G
     t, station, arc = schedule(session, stations)
     residual, H = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
     none, itrs = np.full(len(t), -1, dtype=np.int64), np.array([STATIONS[name] for name in stations])
-    linearise_step(t, station.astype(np.int64), none, np.zeros((len(t), 2)), start, itrs, world.params, STEP, residual, H)
+    linearise_step(
+        t, station.astype(np.int64), none, np.zeros((len(t), 2)), start, itrs, world.params, STEP, residual, H
+    )
     middle, Phi = world.transition(start, session.first, session.middle)
     return Geometry(session, world, stations, t, station, arc, H, start, Phi, middle)
 
@@ -110,7 +112,7 @@ def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
     With estimate_bias one pair of biases per station and pass joins the unknowns, and biases of the data are no longer ignored.
     """
     w = np.array([weights.sigma_range**-2.0, weights.sigma_rate**-2.0])
-    A, prior = g.H, np.linalg.inv(levels.prior_cov)
+    A, prior = g.H, np.diag(1.0 / np.diag(levels.prior_cov))
     if weights.estimate_bias:
         G = bias_design(g, per_pass=True)
         A = np.concatenate([g.H, G], axis=2)
@@ -146,7 +148,9 @@ class Evaluation(NamedTuple):
     consider: Sigmas
 
 
-def evaluate(session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = "") -> Evaluation:
+def evaluate(
+    session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = ""
+) -> Evaluation:
     """One row of the table of formal sigmas; stations: none is the session's own; source as in `model.find_source`."""
     g = linearise(session, world_of(session), find_stations(stations, session))
     solution, toward = solve(g, levels, weights), find_source(source, session, g.middle[:3])
@@ -192,12 +196,14 @@ def large_sample(g: Geometry, levels: Levels, weights: Weights, rng: np.random.G
     nodes = np.arange(g.session.first, g.session.observation[1] + _CURVE, _CURVE)
     matrices = [g.world.transition(g.start, g.session.first, t)[1] for t in nodes]
     Phi = CubicSpline(nodes, np.array(matrices))
-    kick = np.linalg.solve(Phi(when), np.concatenate([np.zeros((draws, 3)), levels.impulse * toward[1]], axis=1)[..., None])[..., 0]
+    kick = np.linalg.solve(
+        Phi(when), np.concatenate([np.zeros((draws, 3)), levels.impulse * toward[1]], axis=1)[..., None]
+    )[..., 0]
     after = (g.t[None, :] >= when[:, None]).astype(float)
     middle += (kick @ g.Phi.T) * (g.session.middle >= when)[:, None]
     at_t0 = np.zeros((draws, n, 2))
     states = _from_start(g)  # (n, 6, 6), H at t[0] = h(t) Phi(t, t0)
-    own = np.einsum("kij,kjl->kil", g.H, np.linalg.inv(states))
+    own = np.swapaxes(np.linalg.solve(np.swapaxes(states, 1, 2), np.swapaxes(g.H, 1, 2)), 1, 2)
     at_t0 += np.einsum("kij,dkj->dki", own, motion)
     at_t0 += np.einsum("kij,dj->dki", g.H, kick) * after[..., None]
     at_t0 += rng.standard_normal((draws, n, 2)) * (levels.sigma_range, levels.sigma_rate)

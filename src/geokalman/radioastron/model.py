@@ -89,7 +89,9 @@ class Session:
 
     def epochs(self, interval: float = 10.0) -> Array:
         """Times of the measurements [s], every `interval` from the start of each pass."""
-        parts = [begin + interval * np.arange(math.floor((end - begin) / interval + 1e-9) + 1) for begin, end in self.passes]
+        parts = [
+            begin + interval * np.arange(math.floor((end - begin) / interval + 1e-9) + 1) for begin, end in self.passes
+        ]
         return np.concatenate(parts)
 
     def pass_numbers(self, t: Array) -> NDArray[np.int64]:
@@ -203,7 +205,9 @@ def find_source(text: str, session: Session, position: Array | None = None) -> A
     try:
         ra, dec = (float(part) for part in text.split(","))
     except ValueError:
-        raise ValueError(f"source {text!r} is unknown; give one of {', '.join(SOURCES)}, or right ascension, declination in degrees") from None
+        raise ValueError(
+            f"source {text!r} is unknown; give one of {', '.join(SOURCES)}, or right ascension, declination in degrees"
+        ) from None
     return direction(ra, dec)
 
 

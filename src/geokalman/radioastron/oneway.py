@@ -39,7 +39,9 @@ def doppler_terms(state: Array, a: Array, station: Array, station_velocity: Arra
         "second-order-missing": float(half),
         "clock": L_G * C_LIGHT,
         "earth-potential": float(-GM_EARTH / (radius * C_LIGHT)),
-        "j2": float(GM_EARTH / (radius * C_LIGHT) * 0.5 * J2 * (R_EARTH / radius) ** 2 * (3.0 * r[2] ** 2 / radius**2 - 1.0)),
+        "j2": float(
+            GM_EARTH / (radius * C_LIGHT) * 0.5 * J2 * (R_EARTH / radius) ** 2 * (3.0 * r[2] ** 2 / radius**2 - 1.0)
+        ),
         "moon": float(gm_moon / C_LIGHT * (1.0 / to_moon - 1.0 / np.linalg.norm(moon - r) + r @ moon / to_moon**3)),
     }
 
@@ -91,7 +93,9 @@ def rigorous_light_time(state: Array, a: Array, station: Array, with_shapiro: bo
     return tau
 
 
-def rigorous_doppler(state: Array, a: Array, station: Array, station_velocity: Array, jerk: Array | None = None) -> float:
+def rigorous_doppler(
+    state: Array, a: Array, station: Array, station_velocity: Array, jerk: Array | None = None
+) -> float:
     """Geometric one-way Doppler [m/s], minus the exact derivative of the range with respect to reception time.
 
     rate = n.(v(t2) - v0)/(1 + n.v(t2)/c), n from the station to the point of emission; jerk (3,) [m s^-3] where it is known.

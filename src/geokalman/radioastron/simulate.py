@@ -58,7 +58,9 @@ def observe(world: Dynamics, t: Array, states: Array, station: Array, stations: 
     """Two-way ranges [m] and range-rates [m/s] without noise, (n, 2), of states (n, 6) at reception times t (n,) [s]."""
     z = np.empty((len(t), 2))
     itrs = np.array([STATIONS[name] for name in stations])
-    _observe(np.ascontiguousarray(t), np.ascontiguousarray(states), np.ascontiguousarray(station), itrs, world.params, z)
+    _observe(
+        np.ascontiguousarray(t), np.ascontiguousarray(states), np.ascontiguousarray(station), itrs, world.params, z
+    )
     return z
 
 
@@ -99,7 +101,9 @@ def isotropic(rng: np.random.Generator) -> Array:
     return v / np.linalg.norm(v)
 
 
-def draw(session: Session, world: Dynamics, levels: Levels, stations: tuple[str, ...], rng: np.random.Generator) -> tuple[Truth, Observations]:
+def draw(
+    session: Session, world: Dynamics, levels: Levels, stations: tuple[str, ...], rng: np.random.Generator
+) -> tuple[Truth, Observations]:
     """One realisation of a session: the truth, and the data that an estimator may see.
 
     Truth: the nominal state, solar pressure with a relative error, a constant acceleration and one impulse in random directions
@@ -109,7 +113,9 @@ def draw(session: Session, world: Dynamics, levels: Levels, stations: tuple[str,
     state = nominal_state(session, world)
     ends = np.array(session.passes).ravel()
     check_visible(world, ends, _states(world, session.first, state, ends), stations)
-    forces = world.with_changes(1.0 + levels.pressure_error * rng.standard_normal(), levels.acceleration * isotropic(rng))
+    forces = world.with_changes(
+        1.0 + levels.pressure_error * rng.standard_normal(), levels.acceleration * isotropic(rng)
+    )
     impulse_time = rng.uniform(session.first, session.observation[1])
     truth = Truth(forces, session.first, state, levels.impulse * isotropic(rng), impulse_time)
     t, station, arc = schedule(session, stations)

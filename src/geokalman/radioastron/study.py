@@ -13,7 +13,7 @@ import numpy as np
 from geokalman.constants import C_LIGHT
 from geokalman.kalman.consistency import monte_carlo, nees
 from geokalman.radioastron import assess, estimate
-from geokalman.radioastron.correlator import Setup, find, scan_snr
+from geokalman.radioastron.correlator import Setup, scan_snr
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Observations, Weights
 from geokalman.radioastron.formal import Sample, linearise
 from geokalman.radioastron.formal import large_sample as formal_sample
@@ -81,7 +81,12 @@ def run_estimator(how: Estimator, data: Observations, dynamics) -> estimate.Orbi
         return estimate.batch(data, dynamics, how.weights)
     if how.method == "ukf":
         return estimate.unscented(data, dynamics, how.weights).orbit
-    options = {"ekf": {}, "ekf-substeps": {"transition": "substeps"}, "ekf-single": {"transition": "single"}, "iterated": {"iterations": 3}}
+    options = {
+        "ekf": {},
+        "ekf-substeps": {"transition": "substeps"},
+        "ekf-single": {"transition": "single"},
+        "iterated": {"iterations": 3},
+    }
     if how.method not in options:
         raise ValueError(f"method {how.method!r} is unknown; give prior, batch, ukf, {', '.join(options)}")
     return estimate.extended(data, dynamics, how.weights, process_noise=how.process_noise, **options[how.method]).orbit
@@ -118,14 +123,25 @@ def repeat(case: Case, seeds: Iterable[int], executor: Executor | None = None) -
         delay, rate, acceleration = (np.array([r.residual[k] for r in runs]) for k in range(3))
         error, consistency = np.array([r.error for r in runs]), np.array([r.nees for r in runs])
         out[name] = Runs(
-            delay[:, middle], rate[:, middle], acceleration[:, middle], error[:, middle], consistency[:, middle],
-            delay[:, scans], rate[:, scans], consistency[:, -1],
+            delay[:, middle],
+            rate[:, middle],
+            acceleration[:, middle],
+            error[:, middle],
+            consistency[:, middle],
+            delay[:, scans],
+            rate[:, scans],
+            consistency[:, -1],
         )
     return out
 
 
 def standard(
-    session: Session, levels: Levels, seed0: int, n_seeds: int, stations: tuple[str, ...] = (), source: str = "",
+    session: Session,
+    levels: Levels,
+    seed0: int,
+    n_seeds: int,
+    stations: tuple[str, ...] = (),
+    source: str = "",
     estimators: Mapping[str, Estimator] | None = None,
 ) -> dict[str, Runs]:
     """`repeat` over seeds seed0, seed0 + 1, ... with the `STANDARD` estimators or others."""
@@ -135,16 +151,10 @@ def standard(
 
 def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
     """SNR (runs,) of a scan at mid-observation of each run. A residual beyond the lag window leaves the peak of the noise."""
-    out = np.empty(len(runs.delay))
-    for k in range(len(out)):
-        rng = np.random.default_rng(seed0 + k)
-        start = runs.delay[k] + np.array([-0.5, 0.5]) * runs.rate[k] * setup.duration
-        if np.abs(start).max() + abs(runs.acceleration[k]) * setup.duration**2 / 8.0 < setup.window:
-            out[k] = scan_snr(setup, runs.delay[k], runs.rate[k], runs.acceleration[k], rng)
-        else:
-            shape = (len(setup.times), setup.n_channels)
-            out[k] = find(setup, (rng.standard_normal(shape) + 1j * rng.standard_normal(shape)) / np.sqrt(2.0)).snr
-    return out
+    return np.array([
+        scan_snr(setup, *residual, np.random.default_rng(seed0 + k))
+        for k, residual in enumerate(zip(runs.delay, runs.rate, runs.acceleration, strict=True))
+    ])  # fmt: skip
 
 
 def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
@@ -181,13 +191,21 @@ def linear_runs(sample: Sample, gradient: Array, source: Array) -> tuple[Runs, R
 
     def runs(error: Array) -> Runs:
         r, v = error[:, :3], error[:, 3:]
-        return Runs(r @ source / C_LIGHT, v @ source / C_LIGHT, r @ gradient.T @ source / C_LIGHT, error, none, none, none, none)
+        return Runs(
+            r @ source / C_LIGHT, v @ source / C_LIGHT, r @ gradient.T @ source / C_LIGHT, error, none, none, none, none
+        )
 
     return runs(sample.prior), runs(sample.post)
 
 
 def large_sample(
-    session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = "", draws: int = 4000, seed: int = 1,
+    session: Session,
+    levels: Levels,
+    weights: Weights,
+    stations: tuple[str, ...] = (),
+    source: str = "",
+    draws: int = 4000,
+    seed: int = 1,
 ) -> tuple[Runs, Runs]:
     """Linear draws of a session about its nominal orbit, before and after: the values about which a Monte Carlo scatters."""
     g = linearise(session, world(session), find_stations(stations, session))
@@ -196,7 +214,9 @@ def large_sample(
     return linear_runs(sample, gradient, find_source(source, session, g.middle[:3]))
 
 
-def correction_history(session: Session, levels: Levels, how: Estimator, seed0: int, n_seeds: int, times: Array) -> tuple[Array, Array]:
+def correction_history(
+    session: Session, levels: Levels, how: Estimator, seed0: int, n_seeds: int, times: Array
+) -> tuple[Array, Array]:
     """Filter minus a-priori orbit over times (k,) [s]: position (runs, k, 3) and geocentric radius (runs, k) [m]."""
     dynamics, differences, radii = world(session), [], []
     for seed in range(seed0, seed0 + n_seeds):
@@ -210,7 +230,9 @@ def correction_history(session: Session, levels: Levels, how: Estimator, seed0: 
     return np.array(differences), np.array(radii)
 
 
-def prior_scale(session: Session, levels: Levels, weights: Weights, scale: float, seed0: int, n_seeds: int) -> tuple[Array, Array]:
+def prior_scale(
+    session: Session, levels: Levels, weights: Weights, scale: float, seed0: int, n_seeds: int
+) -> tuple[Array, Array]:
     """Delay [s] and rate [s/s] errors (runs,) of the filter when it is told P(0) with sigmas `scale` times the true ones."""
     dynamics, source = world(session), find_source("", session)
     delay, rate = np.empty(n_seeds), np.empty(n_seeds)
