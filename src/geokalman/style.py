@@ -36,6 +36,9 @@ METHODS: dict[str, Method] = {
     "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
     "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
     "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "prior": Method("#b34700", "#ff9b52", "--", "s", "a-priori orbit"),
+    "batch": Method("#00795a", "#2fcf9f", "-", "o", "batch"),
+    "naive": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "naive EKF"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 

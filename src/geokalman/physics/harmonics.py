@@ -30,13 +30,13 @@ __all__ = [
     "synthesis_points",
 ]
 
-VENDORED = {"EGM96": "egm96.npz", "JGM3": "jgm3.npz"}
+VENDORED = {"EGM96": "egm96.npz", "JGM3": "jgm3.npz", "GMM2B": "gmm2b.npz"}
 GAUSSIAN_CUT = 1e-7
 """Weights from the first one below this on are zero: there the recursion has lost its digits."""
 
 
 def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None) -> GravityField:
-    """A vendored gravity field by name (`EGM96`, `JGM3`; empty is `EGM96`) or any ICGEM `.gfc` file by its path.
+    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars; empty is `EGM96`) or any ICGEM `.gfc` file by its path.
 
     Parameters
     ----------
