@@ -36,6 +36,10 @@ METHODS: dict[str, Method] = {
     "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
     "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
     "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "aekf1": Method("#b34700", "#ff9b52", "-", "o", "AEKF1"),
+    "aekf2": Method("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
+    "raekf": Method("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
+    "rts": Method("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 

@@ -60,13 +60,6 @@ def rich_force(gravity: GravityField, mission: Mission, mismatch: float = 1.0, e
     return Force(head, pack(gravity), np.ascontiguousarray(sun))
 
 
-def sun_angle(mission: Mission, seconds: Array, ephemeris: Ephemeris | None = None) -> Array:
-    """Angle between each observed pulsar and the Sun as seen from Mars [rad], at times after the epoch [s]: (n, m)."""
-    sun = (ephemeris or load_ephemeris()).position("sun", mission.orbit.epoch, seconds, centre="mars")
-    cosine = (sun / np.linalg.norm(sun, axis=1)[:, None]) @ mars.icrf_from_smci(CENTURIES) @ mission.H().T
-    return np.arccos(np.clip(cosine, -1.0, 1.0))
-
-
 @njit(cache=True, nogil=True)
 def force_point(t, r, head, field, sun, out):
     """Acceleration at time t [s] and position r (3,) [m] in the inertial Mars frame, written to out (3,) [m s^-2]."""

@@ -183,6 +183,17 @@ def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
 
 
 @njit(cache=True, nogil=True)
+def coast_loop(t0, dt, x, substep, inner, head, field, sun, x_out):
+    """The state alone over dt [s], by the Runge-Kutta steps of `propagate_loop`."""
+    count = inner * max(1, int(np.ceil(dt / substep - 1e-9)))
+    work = np.empty((5, 6))
+    for j in range(6):
+        x_out[j] = x[j]
+    for i in range(count):
+        runge_kutta_step(t0 + i * dt / count, x_out, dt / count, head, field, sun, work)
+
+
+@njit(cache=True, nogil=True)
 def _lost(x, P, head):
     """0, or why an estimate is not that of an orbiter: 2 inside Mars, 3 hyperbolic, 4 sigma."""
     r = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
@@ -214,7 +225,7 @@ def filter_loop(
             if sigma_points_step(before_x, before_P, c, chi, U6) != 0:
                 return k, 6
             for i in range(13):
-                propagate_loop(t0, t[k] - t0, chi[i], substep, inner, head, field, sun, gamma[i], Phi[k])
+                coast_loop(t0, t[k] - t0, chi[i], substep, inner, head, field, sun, gamma[i])
             transform_step(gamma, Q[k], c, w, mean, D, remainder, P_pred[k])
             x_pred[k] = mean
         else:
