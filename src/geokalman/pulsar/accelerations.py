@@ -5,18 +5,13 @@ State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + white noise of standard de
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numba import njit
 
 from geokalman.kalman.adaptive import innovation_step
-from geokalman.kalman.consistency import monte_carlo
 from geokalman.kalman.linear import predict_step, update_step
 from geokalman.physics.transition import chain_step, markley_step
-from geokalman.pulsar import assess, simulate
-from geokalman.pulsar.dynamics import force_point, gradient_point
-from geokalman.pulsar.ensemble import Experiment
+from geokalman.pulsar.dynamics import Force, force_point, gradient_point
 from geokalman.pulsar.estimate import Estimate
 from geokalman.pulsar.model import STEP, Array
 from geokalman.pulsar.observations import Observations
@@ -27,13 +22,16 @@ NOISE = (1.0, 1e-3)
 """Process noise of position [m] and velocity [m/s] in 500 s beside that of the accelerations."""
 
 
-def run(data: Observations, x0: Array, P0: Array, experiment: Experiment, sigma: float, tau: float) -> Estimate:
+def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, tau: float) -> Estimate:
     """Filter with empirical accelerations of standard deviation sigma [m s^-2] and time constant tau [s], which start at zero.
 
-    x0 (6,), P0 (6, 6) as for `estimate.run`. Raises ValueError for sigma or tau not positive, ArithmeticError where a covariance is lost.
+    x0 (6,), P0 (6, 6) and force as for `estimate.run`; every range must be there, epochs STEP apart.
+    Raises ValueError for sigma or tau not positive and for gaps, ArithmeticError where a covariance is lost.
     """
     if not (sigma > 0.0 and tau > 0.0):
         raise ValueError(f"sigma = {sigma:g} m/s^2 and tau = {tau:g} s of the empirical accelerations must be positive.")
+    if np.isnan(data.z).any() or not np.allclose(np.diff(data.t, prepend=0.0), STEP):
+        raise ValueError(f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; use estimate.run for others.")
     n, m = data.z.shape
     dt = STEP
     x, P, nis = np.zeros((n, 9)), np.zeros((n, 9, 9)), np.zeros(n)
@@ -43,8 +41,7 @@ def run(data: Observations, x0: Array, P0: Array, experiment: Experiment, sigma:
     Q = np.diag(np.repeat([NOISE[0] ** 2, NOISE[1] ** 2, sigma**2 * -np.expm1(-2.0 * dt / tau)], 3))
     H = np.zeros((m, 9))
     H[:, :3] = data.H
-    head, field, sun = experiment.force.head, experiment.force.field, experiment.force.sun
-    failed = _loop(data.t, data.z, H, np.diag(data.variance), start, cov, Q, tau, head, field, sun, x, P, nis)
+    failed = _loop(data.t, data.z, H, np.diag(data.variance), start, cov, Q, tau, force.head, force.field, force.sun, x, P, nis)
     if failed >= 0:
         raise ArithmeticError(f"the filter with empirical accelerations lost its covariance at epoch k = {failed + 1}.")
     none = np.zeros((0, 6, 6))
@@ -52,20 +49,6 @@ def run(data: Observations, x0: Array, P0: Array, experiment: Experiment, sigma:
         data.t, np.ascontiguousarray(x[:, :6]), np.ascontiguousarray(P[:, :6, :6]), np.ones(n), np.ones((n, m)), nis, np.full(n, m),
         np.zeros(n, bool), np.zeros((0, 6)), none, none, none,
     )  # fmt: skip
-
-
-def ensemble(experiment: Experiment, sigma: float, tau: float, seed0: int, n_seeds: int, workers: int = 1) -> list[assess.Score]:
-    """Scores over the seeds seed0, seed0 + 1, ... ; arguments as `ensemble.ensemble` and `run`."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    job, seeds = partial(_trial, experiment, sigma, tau), range(seed0, seed0 + n_seeds)
-    with ThreadPoolExecutor(workers) as pool:
-        return monte_carlo(job, seeds, pool)
-
-
-def _trial(experiment: Experiment, sigma: float, tau: float, rng: np.random.Generator) -> assess.Score:
-    data = simulate.observe(experiment.flight, experiment.mission, experiment.preset, rng)
-    return assess.score(run(data, experiment.start(), experiment.preset.P0, experiment, sigma, tau), experiment.flight, experiment.first)
 
 
 @njit(cache=True, nogil=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from geokalman.kalman.consistency import monte_carlo
 from geokalman.physics.field import GravityField
-from geokalman.pulsar import assess, estimate, simulate
+from geokalman.pulsar import accelerations, assess, estimate, simulate
 from geokalman.pulsar.assess import Score
 from geokalman.pulsar.dynamics import Force, j2_force
 from geokalman.pulsar.estimate import Diverged, Tuning
@@ -23,7 +23,7 @@ class Method:
     """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
 
     smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees these alone;
-    r_factor : the R it assumes over the true one.
+    r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states.
     """
 
     kind: str
@@ -34,6 +34,7 @@ class Method:
     order: tuple[int, ...] = ()
     pulsars: tuple[int, ...] = ()
     r_factor: float = 1.0
+    empirical: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class Experiment:
         if method.order:
             data = simulate.one_at_a_time(data, list(method.order), self.mission.columns)
         preset = method.preset or self.preset
+        if method.empirical:
+            return accelerations.run(data, self.start(), preset.P0, method.force or self.force, *method.empirical)
         result = estimate.run(
             method.kind, data, self.start(), preset, method.force or self.force, method.tuning or self.tuning,
             R=np.diag(method.r_factor * data.variance),

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from geokalman.constants import C_LIGHT, J2000
-from geokalman.pulsar.catalogue import PULSARS, Pulsar, directions, ranging_sigma, require_distinct
+from geokalman.constants import C_LIGHT
 from geokalman.physics import mars
+from geokalman.pulsar.catalogue import PULSARS, directions, ranging_sigma
 
 Array = NDArray[np.float64]
 
@@ -180,14 +180,3 @@ def all_directions() -> Array:
 def all_sigmas() -> Array:
     """Ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
     return np.array([ranging_sigma(pulsar) for pulsar in PULSARS])
-
-
-def centuries(jd: float) -> float:
-    """Julian centuries since J2000."""
-    return (jd - J2000) / 36525.0
-
-
-__all__ = [
-    "CENTURIES", "CLOCK", "DAY", "Mission", "Orbit", "PRESETS", "PULSARS", "Preset", "Pulsar", "STEP", "TRANSFER", "all_directions",
-    "all_sigmas", "centuries", "preset", "require_distinct",
-]  # fmt: skip

@@ -64,3 +64,11 @@ def sun_angle(n: Array, b_sun: Array) -> Array:
     """Angle [rad] between pulsar and Sun as seen from Mars; b_S (..., 3) from the Sun to Mars [m]."""
     cosine = -(b_sun @ n) / np.sqrt(np.einsum("...i,...i", b_sun, b_sun))
     return np.arccos(np.clip(cosine, -1.0, 1.0))
+
+
+def near_sun(directions: Array, b_sun: Array, limit: float = CONJUNCTION) -> NDArray[np.bool_]:
+    """Which ranges to mask: pulsars (m, 3) closer to the Sun than `limit` [rad], Mars at b_S (n, 3) from the Sun [m]; (n, m).
+
+    Directions and b_S in the same axes.
+    """
+    return np.column_stack([sun_angle(n, b_sun) for n in directions]) < limit
