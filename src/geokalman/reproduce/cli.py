@@ -14,6 +14,7 @@ import typer
 from geokalman import files
 from geokalman.reproduce.errors import Fault
 
+_INTERRUPTED = 130
 app = typer.Typer(
     help="Recompute, change and judge the notebooks of the book.", no_args_is_help=True, add_completion=False,
     pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -50,7 +51,10 @@ def params(notebook: str, as_json: Annotated[bool, typer.Option("--json", help="
 
     spec = parameters.load(_root(), notebook)
     if as_json:
-        rows = [{"type": p.type, "range": p.range, "unit": p.unit, "default": p.default, "help": p.help} for p in spec.parameters.values()]
+        rows = [
+            {"type": p.type, "range": p.range, "unit": p.unit, "default": p.default, "help": p.help}
+            for p in spec.parameters.values()
+        ]
         print(json.dumps({"parameters": dict(zip(spec.parameters, rows, strict=True)), "quick": spec.quick}, indent=1))
         return
     from rich.table import Table
@@ -67,24 +71,34 @@ def params(notebook: str, as_json: Annotated[bool, typer.Option("--json", help="
 @app.command()
 def run(
     notebook: str,
-    assignments: Annotated[list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Parameters; values are YAML.")] = None,
+    assignments: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Parameters; values are YAML.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run (default: under runs/).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Start from the quick values.")] = False,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
+    from concurrent.futures import ThreadPoolExecutor
+
     from geokalman.reproduce import execute, parameters
     from geokalman.reproduce.progress import Display
 
     root = _root()
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
     folder = out if out is not None else execute.default_out(root, notebook, given, quick)
-    with Display() as display, display.notebook(notebook) as progress:
-        try:
-            folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
+    execute.refuse_foreign(folder.resolve())
+    with Display() as display, display.notebook(notebook) as progress, ThreadPoolExecutor(1) as pool:
+        task = pool.submit(
+            execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress
+        )
+        try:  # in a thread, where Ctrl-C reaches us and not the event loop that talks to the kernel
+            folder = task.result()
         except KeyboardInterrupt:
             execute.stop_all()
             raise
+        for note in execute.notes(folder):
+            display.say(note)
     print(folder)
 
 
@@ -113,7 +127,7 @@ def claims(
         for judgement in claims.judge_paper(root, name):
             row = claims.row(judgement)
             if not judgement.as_expected:
-                row[5] += f", not {judgement.claim.verdict}"
+                row[5] += f" (expected {judgement.claim.verdict})"
             table.add_row(judgement.claim.id, *map(_plain, row))
         _console().print(table)
 
@@ -143,10 +157,16 @@ def build(
 @app.command()
 def compare(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder of a run, or a notebook (the book's run of it).")],
-    other: Annotated[str | None, typer.Argument(metavar="[RUN]", help="Another (default: the book's, else the reference).")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 where a number differs by more than --rel.")] = False,
+    other: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="Another (default: the book's, else the reference).")
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 1 where a number differs by more than --rel.")
+    ] = False,
     rel: Annotated[float, typer.Option(min=0, help="Relative difference that --strict accepts.")] = 1e-9,
-    out: Annotated[Path | None, typer.Option(help="Folder of the page with overlaid figures (default: compare/ in the first run).")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the page with overlaid figures (default: compare/ in the first run).")
+    ] = None,
 ) -> None:
     """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
     from geokalman.reproduce import compare as comparing
@@ -178,7 +198,10 @@ def check() -> None:
     report = checking.check(_root())
     for problem in report.problems:
         sys.stderr.write(f"{problem}\n")
-    print(f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: {len(report.problems)} problems")
+    print(
+        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: "
+        f"{len(report.problems)} problems"
+    )
     if report.problems:
         raise typer.Exit(1)
 
@@ -221,11 +244,11 @@ def _plain(text: str) -> str:
 def main() -> None:
     """Entry point of the command `geokalman`: faults are one sentence on standard error and an exit code."""
     try:
-        code = app(standalone_mode=False)  # gives the code of typer.Exit
+        code = app(prog_name="geokalman", standalone_mode=False)  # gives the code of typer.Exit
     except (Fault, files.ProjectNotFound, files.CorruptedData) as error:
         _leave(str(error), getattr(error, "exit_code", 1))
-    except (KeyboardInterrupt, typer.Abort):
-        _leave("interrupted; what was finished stays.", 130)
+    except KeyboardInterrupt:
+        code = _INTERRUPTED
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
@@ -235,6 +258,8 @@ def main() -> None:
             raise
         text = usage()
         _leave(text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2)
+    if code == _INTERRUPTED:  # typer's own code for Ctrl-C
+        _leave("interrupted; what was finished stays.", _INTERRUPTED)
     sys.exit(code or 0)
 
 
