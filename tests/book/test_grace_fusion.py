@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from filelock import FileLock
 
 from geokalman.files import project_root
 from geokalman.reproduce import execute, reference
@@ -23,22 +24,25 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit 
 
 
 def scales(*runs: tuple[str, tuple[str, ...]]) -> list:
-    """Parameters (scale, notebook); one group each, so that a run is executed by one worker, once."""
-    return [pytest.param(scale, name, id=f"{scale}-{name}", marks=pytest.mark.xdist_group(f"{scale}-{name}")) for scale, names in runs for name in names]
+    """Parameters (scale, notebook)."""
+    return [pytest.param(scale, name, id=f"{scale}-{name}") for scale, names in runs for name in names]
 
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
-    """The run folder of a notebook at a scale; executed on first use."""
-    folder, threads = tmp_path_factory.mktemp(PAPER), 1 if "PYTEST_XDIST_WORKER" in os.environ else os.cpu_count()
-    done: dict[tuple[str, str], Path] = {}
+    """The run folder of a notebook at a scale; executed on first use, once for all workers of xdist."""
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if several else base) / PAPER
+    folder.mkdir(exist_ok=True)
 
     def executed(scale: str, name: str) -> Path:
-        if (scale, name) not in done:
-            given = {"days": 5.0} if scale == "mid" else {}
-            out = folder / f"{name}-{scale}"
-            done[scale, name] = execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads)
-        return done[scale, name]
+        out = folder / f"{name}-{scale}"
+        with FileLock(folder / f"{name}-{scale}.lock"):
+            if not (out / "provenance.json").is_file():
+                given = {"days": 5.0} if scale == "mid" else {}
+                threads = 1 if several else os.cpu_count()
+                execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads)
+        return out
 
     return executed
 
@@ -76,7 +80,6 @@ def test_every_notebook_of_the_paper_is_here():
     assert sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md") if p.stem < "08") == list(QUICK)
 
 
-@pytest.mark.xdist_group("quick-05-recovery")
 def test_book_anchors_name_what_is_recorded(run):
     """A key of a paper-scale anchor is recorded by the quick run too, unless it needs degrees above 30 or days above 5."""
     name = "05-recovery"
@@ -93,6 +96,7 @@ def test_book_anchors_name_what_is_recorded(run):
         ("05-recovery", {"days": 0.2}, r"05-recovery: cell \[\d+\]: ValueError: 377 epochs .* cannot determine the 957 coefficients of degrees 2 to 30; give at least 0.40 days"),
         ("03-ekf", {"edge": 8000}, r"03-ekf: cell \[\d+\]: ValueError: edge = 8000 epochs at either end leave nothing of 14401"),
     ],
+    ids=["low-orbit", "few-epochs", "large-edge"],
 )
 def test_a_scenario_that_cannot_be_computed_says_so(tmp_path, name, given, message):
     with pytest.raises(execute.ExecutionFailed, match=message):

@@ -88,6 +88,31 @@ def test_fused_filters_are_the_core_filters(short, which):
     assert_same(ours.smoothed.x, smooth.mean, smooth.cov, 1e-4)
 
 
+@pytest.mark.parametrize("which", ["ukf", "ekf"])
+def test_simultaneous_filters_are_the_core_filters_of_one_vector(tiny, which):
+    """Position and range-rate in one sensor of four components."""
+    data, tuning = Observations(30.0, tiny.data.baseline[:40], tiny.data.rate[:40], tiny.data.prior_mean, tiny.data.prior_cov), Tuning()
+    Phi, Q = kinematic(30.0, tuning.q(30.0))
+
+    def gradient(x, t):
+        H = np.eye(4, 9)
+        _range_rate_row(x, H[3])
+        return H
+
+    R = np.diag(np.r_[np.full(3, tuning.sigma_r**2), tuning.sigma_rr(30.0) ** 2])
+    sensor = kalman.Sensor(
+        z=np.column_stack([data.baseline, data.rate]), R=R, H=gradient, h=lambda x, t: np.append(x[:3], range_rate(x[:3], x[3:6]))
+    )
+    prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), 30.0 * np.arange(40)
+    if which == "ukf":
+        theirs = kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, [sensor], alpha=1.0, beta=0.0, kappa=2.0)
+    else:
+        theirs = kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, [sensor])
+    ours = {"ukf": estimate.ukf, "ekf": estimate.fused_ekf}[which](data, tuning, "simultaneous")
+    assert_same(ours.filtered.x, theirs.mean, theirs.cov, 1e-4)
+    np.testing.assert_allclose(ours.innovations, theirs.whitened, rtol=0, atol=1e-4)
+
+
 def test_three_states_per_axis_are_the_nine_states(tiny):
     """Without range-rates the axes decouple: section 7's unit test, to 1e-9 m (positions are 2e5 m)."""
     tuning, data = Tuning(), tiny.data
@@ -229,6 +254,8 @@ def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
     with pytest.raises(NotPositiveDefinite, match="covariance is not positive definite at epoch 0") as caught:
         estimate.ukf(certain, Tuning())
     assert caught.value.epoch == 0
+    with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
+        estimate.ukf(certain, Tuning(), "simultaneous")
     assert np.isfinite(estimate.fused_ekf(certain, Tuning()).filtered.x).all()
 
 
@@ -237,8 +264,20 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e306], 3))
     data = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, wide)
     for method in METHODS.values():
-        with pytest.raises(NotPositiveDefinite, match=r"innovation covariance is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
+        with pytest.raises(NotPositiveDefinite, match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
             method(data, Tuning())
+    for method in (estimate.ukf, estimate.fused_ekf):
+        with pytest.raises(NotPositiveDefinite, match=r"at epoch 1\b"), np.errstate(all="ignore"):
+            method(data, Tuning(), "simultaneous")
+
+
+@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted"), ("ukf", "innovation"), ("fused_ekf", "innovation")])
+def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
+    """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
+    wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
+    data = Observations(30.0, tiny.data.baseline, tiny.data.rate, tiny.data.prior_mean, wide)
+    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} covariance is not positive definite at epoch \d+"):
+        METHODS[method](data, Tuning(lambda_q=1e-8))
 
 
 def test_newton_needs_nine_epochs(tiny):

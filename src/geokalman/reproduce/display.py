@@ -46,7 +46,7 @@ def cell(value: Any, form: str | None = None) -> str:
         return "yes" if value else "no"
     if isinstance(value, numbers.Real):
         value = value.item() if hasattr(value, "item") else value
-        if not form:
+        if not form or value == 0:
             return number(value)
         mantissa, e, exponent = f"{value:{form}}".partition("e")
         power = f" × 10{str(int(exponent)).translate(_SUPERSCRIPT)}" if e else ""
