@@ -9,10 +9,12 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
 
 from geokalman.pulsar.model import Array
-from geokalman.style import METHODS, ink
+from geokalman.style import METHODS, Method, ink
 
 STYLES = {
     "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf", "ukf": "ukf",
@@ -27,8 +29,20 @@ LABELS = {
 AXES = "XYZ"
 
 
-def _style(name: str):
-    return METHODS[STYLES.get(name, "neutral")]
+_WORDS = (("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("EKF", "ekf"), ("igg", "exact"), ("Huber", "exact"))
+
+
+def _style(name: str) -> Method:
+    """Style of a filter by its name, or of a label by the filter that it names."""
+    named = STYLES.get(name) or next((style for word, style in _WORDS if word in name), "neutral")
+    return METHODS[named]
+
+
+def _round_ticks(axis: Axis, low: float, high: float) -> None:
+    """Ticks at 1, 2, 5 times powers of ten in plain digits on a logarithmic axis that is not long enough for powers alone."""
+    ticks = [f * 10.0**k for k in range(-3, 7) for f in (1, 2, 5) if low <= f * 10.0**k <= high]
+    axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+    axis.set_minor_locator(NullLocator())
 
 
 def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
@@ -50,8 +64,8 @@ def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for k, (name, key) in enumerate(zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)):
         style = METHODS[key]
-        axes.plot(t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=1.0, label=name)
-    axes.set(xlabel="time [h]", ylabel="range along the line to the pulsar [km]")
+        axes.plot(t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name)
+    axes.set(xlabel="time [h]", ylabel="range along the line [km]")
     figure.legend(loc="outside upper center", ncols=4)
     return figure
 
@@ -68,8 +82,8 @@ def axis_errors(epoch: Array, error: Array, sigma: Array, quantity: str, unit: s
         if zoom:
             panel.set_ylim(-zoom, zoom)
     panels[-1].set_xlabel("epoch k, 500 s apart")
-    figure.suptitle(f"error of {quantity}", fontsize=10)
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    panels[0].set_title(f"error of {quantity}", loc="left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -96,8 +110,9 @@ def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], pri
             )
         panel.axvline(printed[j], color=ink(), linewidth=0.9, linestyle="--", label=f"paper, AEKF1: {printed[j]:g} m")
         panel.set(xlabel=f"RMS error in {AXES[j]} [m]", xscale="log", yticks=range(len(names)), yticklabels=[LABELS.get(n, n) for n in names])
-        panel.invert_yaxis() if j == 0 else None
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        _round_ticks(panel.xaxis, *panel.get_xlim())
+    panels[0].invert_yaxis()
     return figure
 
 
@@ -125,8 +140,11 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
         shade = {"aekf1_pr3": "x", "aekf1_pr2": "+"}.get(name, style.marker or "o")
         axes.plot(x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name))
     axes.set(xlabel=xlabel, ylabel=ylabel, yscale="log")
+    _round_ticks(axes.yaxis, *axes.get_ylim())
     if logx:
         axes.set_xscale("log")
+    else:
+        axes.set_xticks(x[np.diff(x, prepend=-np.inf) > 0.03 * np.ptp(x)])
     if len(values) > 1:
         figure.legend(loc="outside upper center", ncols=3)
     return figure
@@ -138,7 +156,8 @@ def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
     style = METHODS["ekf"]
     left.loglog(q, d3, color=style.colour, marker=style.marker)
     left.set(xlabel="process noise of position in 500 s [m]", ylabel="3-D RMS error [m]")
-    left.annotate(f"best {d3.min():.0f} m", (q[d3.argmin()], d3.min()), textcoords="offset points", xytext=(0, -14), ha="center", fontsize=9)
+    left.set_title(f"least error {d3.min():.0f} m, at {q[d3.argmin()]:g} m", loc="left")
+    _round_ticks(left.yaxis, *left.get_ylim())
     right.loglog(q, nis, color=style.colour, marker=style.marker)
     right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
     right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS per range")

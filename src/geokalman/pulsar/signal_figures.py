@@ -70,7 +70,7 @@ def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
         axes.loglog(durations, sigma[k], color=style.colour, linestyle=style.line, label=name)
     axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--")
     axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":")
-    axes.annotate("the paper's X error, 94.1 m", (durations[-1], 94.1), textcoords="offset points", xytext=(-2, 3), ha="right", fontsize=8)
+    axes.annotate("the paper's X error, 94.1 m", (durations[0], 94.1), textcoords="offset points", xytext=(0, -10), fontsize=8)
     axes.annotate("500 s", (500.0, sigma.min()), textcoords="offset points", xytext=(3, 0), fontsize=8)
     axes.set(xlabel="duration of an observation with 1 m² [s]", ylabel="accuracy of the range [m]")
     figure.legend(loc="outside upper center", ncols=4)

@@ -48,7 +48,7 @@ def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: fl
 
 
 def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
-    """The orbit from x0 at t = 0 in a given force, at times t [s] that are STEP apart."""
+    """The orbit from x0 at t = 0 in a given force, at times t (n,) [s] up to STEP apart, in Runge-Kutta steps of at most `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
