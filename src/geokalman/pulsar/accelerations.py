@@ -10,7 +10,7 @@ from numba import njit
 
 from geokalman.kalman.adaptive import innovation_step
 from geokalman.kalman.linear import predict_step, update_step
-from geokalman.physics.transition import chain_step, markley_step
+from geokalman.physics.transition import markley_step
 from geokalman.pulsar.dynamics import Force, force_point, gradient_point
 from geokalman.pulsar.estimate import Estimate
 from geokalman.pulsar.model import STEP, Array
@@ -33,15 +33,15 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     if np.isnan(data.z).any() or not np.allclose(np.diff(data.t, prepend=0.0), STEP):
         raise ValueError(f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; use estimate.run for others.")
     n, m = data.z.shape
-    dt = STEP
     x, P, nis = np.zeros((n, 9)), np.zeros((n, 9, 9)), np.zeros(n)
     start, cov = np.zeros(9), np.zeros((9, 9))
     start[:6] = x0
     cov[:6, :6], cov[6:, 6:] = P0, np.diag(np.full(3, sigma**2))
-    Q = np.diag(np.repeat([NOISE[0] ** 2, NOISE[1] ** 2, sigma**2 * -np.expm1(-2.0 * dt / tau)], 3))
+    Q = np.diag(np.repeat([NOISE[0] ** 2, NOISE[1] ** 2, 0.0], 3))
+    Q_sub = np.diag(np.repeat([0.0, 0.0, sigma**2 * -np.expm1(-2.0 * STEP / STEPS / tau)], 3))
     H = np.zeros((m, 9))
     H[:, :3] = data.H
-    failed = _loop(data.t, data.z, H, np.diag(data.variance), start, cov, Q, tau, force.head, force.field, force.sun, x, P, nis)
+    failed = _loop(data.t, data.z, H, np.diag(data.variance), start, cov, Q, Q_sub, tau, force.head, force.field, force.sun, x, P, nis)
     if failed >= 0:
         raise ArithmeticError(f"the filter with empirical accelerations lost its covariance at epoch k = {failed + 1}.")
     none = np.zeros((0, 6, 6))
@@ -72,18 +72,15 @@ def _runge_kutta(t, y, h, tau, head, field, sun, k, stage):
 
 
 @njit(cache=True, nogil=True)
-def _loop(t, z, H, R, x0, P0, Q, tau, head, field, sun, x, P, nis):
+def _loop(t, z, H, R, x0, P0, Q, Q_sub, tau, head, field, sun, x, P, nis):
     n, m = z.shape
-    G, short, factor, total = np.empty((2, 3, 3)), np.empty((6, 6)), np.zeros((9, 9)), np.empty((9, 9))
+    G, short, factor = np.empty((2, 3, 3)), np.empty((6, 6)), np.zeros((9, 9))
     k4, stage, nothing, P_pred = np.empty((4, 9)), np.empty(9), np.empty(9), np.empty((9, 9))
     S, white, V = np.empty((m, m)), np.empty(m), np.empty(m)
     now, y, before = 0.0, x0.copy(), P0.copy()
     for k in range(n):
         h = (t[k] - now) / STEPS
         decay = np.exp(-h / tau)
-        total[:] = 0.0
-        for j in range(9):
-            total[j, j] = 1.0
         gradient_point(y[:3], head, G[0])
         for i in range(STEPS):
             _runge_kutta(now + i * h, y, h, tau, head, field, sun, k4, stage)
@@ -94,10 +91,10 @@ def _loop(t, z, H, R, x0, P0, Q, tau, head, field, sun, x, P, nis):
                 factor[3 + j, 6 + j] = tau * (1.0 - decay)
                 factor[j, 6 + j] = tau * (h - tau * (1.0 - decay))
                 factor[6 + j, 6 + j] = decay
-            chain_step(factor, total)
-        predict_step(y, before, total, Q, nothing, P_pred)
+            predict_step(y, before, factor, Q_sub, nothing, P_pred)  # so the noise reaches velocity and position
+            before[:] = P_pred
         x[k] = y
-        P[k] = P_pred
+        P[k] = before + Q
         for a in range(m):
             V[a] = z[k, a]
             for j in range(3):
