@@ -251,7 +251,7 @@ def test_position_filter_needs_no_range_rates(short):
 def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
     """A prior of variance zero has no sigma points; the extended filter needs none."""
     certain = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, np.zeros((9, 9)))
-    with pytest.raises(NotPositiveDefinite, match="covariance is not positive definite at epoch 0") as caught:
+    with pytest.raises(NotPositiveDefinite, match="not positive definite at epoch 0") as caught:
         estimate.ukf(certain, Tuning())
     assert caught.value.epoch == 0
     with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
@@ -271,12 +271,12 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
             method(data, Tuning(), "simultaneous")
 
 
-@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted"), ("ukf", "innovation"), ("fused_ekf", "innovation")])
+@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted covariance"), ("ukf", "covariance of the state or of the innovation"), ("fused_ekf", "covariance of the state or of the innovation")])
 def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
     """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
     data = Observations(30.0, tiny.data.baseline, tiny.data.rate, tiny.data.prior_mean, wide)
-    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} covariance is not positive definite at epoch \d+"):
+    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} is not positive definite at epoch \d+"):
         METHODS[method](data, Tuning(lambda_q=1e-8))
 
 
