@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from geokalman.physics.oblate import oblate_force
+from geokalman.physics.orbit import integrate
 from geokalman.physics.transition import chain_step, variational_step
 from geokalman.pulsar.dynamics import Force, gradient_point, orbit_loop, runge_kutta_step
 from geokalman.pulsar.estimate import propagate_loop
@@ -53,9 +55,13 @@ def block_errors(Phi: Array, reference: Array) -> dict[str, float]:
     return {name: float(np.abs(Phi - reference)[block].max()) for name, block in BLOCKS.items()}
 
 
-def step_error(force: Force, x: Array, step: float, dt: float = STEP, fine: float = 0.5) -> float:
-    """Error [m] of the position after dt by Runge-Kutta steps of `step` seconds, against steps of `fine` seconds."""
-    ends = np.empty((2, 1, 6))
-    for i, h in enumerate((step, fine)):
-        orbit_loop(x, np.array([dt]), round(dt / h), force.head, force.field, force.sun, ends[i])
-    return float(np.linalg.norm(ends[0, 0, :3] - ends[1, 0, :3]))
+def step_error(force: Force, x: Array, step: float, dt: float = STEP) -> float:
+    """Error [m] of the position after dt by Runge-Kutta steps of `step` seconds in J2, against DOP853 in steps of 5 s."""
+    out = np.empty((1, 6))
+    orbit_loop(x, np.array([dt]), round(dt / step), force.head, force.field, force.sun, out)
+    return float(np.linalg.norm(out[0, :3] - precise_orbit(force, x, np.array([dt]))[0, :3]))
+
+
+def precise_orbit(force: Force, x: Array, t: Array, step: float = 5.0) -> Array:
+    """States (n, 6) at times t (n,) [s] after x (6,) in J2 by DOP853, the integrator of eighth order that stands for RKF7(8)."""
+    return integrate(oblate_force, force.head[:3], x, np.concatenate([[0.0], t]), "dop853", step).y[1:]

@@ -187,7 +187,7 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
 
 def orbit_scale(events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array) -> Array:
     """Z_1^2 at the best frequency with the satellite's Roemer delay times each scale: (len(scales),)."""
-    return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near)[1] for s in scales])
+    return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near, 1e-3)[1] for s in scales])
 
 
 def read_par(path: str | os.PathLike) -> dict[str, str]:
