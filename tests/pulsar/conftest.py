@@ -2,6 +2,10 @@
 
 from types import SimpleNamespace
 
+import matplotlib
+
+matplotlib.use("Agg")
+
 import numpy as np
 import pytest
 
