@@ -39,8 +39,9 @@ def _style(name: str) -> Method:
 
 
 def _round_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks at 1, 2, 5 times powers of ten in plain digits on a logarithmic axis that is not long enough for powers alone."""
-    ticks = [f * 10.0**k for k in range(-3, 7) for f in (1, 2, 5) if low <= f * 10.0**k <= high]
+    """Ticks in plain digits on a logarithmic axis that is not long enough for powers of ten alone."""
+    steps = (1, 2, 5) if high < 12.0 * low else (1, 3)
+    ticks = [f * 10.0**k for k in range(-3, 7) for f in steps if low <= f * 10.0**k <= high]
     axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
     axis.set_minor_locator(NullLocator())
 
