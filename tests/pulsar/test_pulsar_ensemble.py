@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numba
 import numpy as np
 import pytest
 
@@ -21,6 +22,7 @@ def trial(day):
     return Experiment(day.mission, preset("E"), day.rich, day.force, methods, first=10)
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
 def test_the_same_numbers_for_one_and_two_workers(trial):
     one, two = (ensemble.ensemble(trial, 3, 4, workers) for workers in (1, 2))
     assert one == two
@@ -28,6 +30,7 @@ def test_the_same_numbers_for_one_and_two_workers(trial):
         assert monte_carlo(trial, range(3, 7), pool)[2] == {label: scores[2] for label, scores in one.items()}
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
 def test_methods_differ_as_they_say(trial):
     scores = {label: assess.mean(s) for label, s in ensemble.ensemble(trial, 0, 2).items()}
     assert scores["wide"].nis < scores["ekf"].nis and scores["wide"].nees6 < scores["ekf"].nees6

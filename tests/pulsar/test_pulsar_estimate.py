@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
@@ -13,6 +14,8 @@ from geokalman.pulsar import accelerations, assess, estimate, linearise, simulat
 from geokalman.pulsar.estimate import KINDS, Diverged, Tuning
 from geokalman.pulsar.model import TRANSFER, Mission, preset
 from geokalman.pulsar.observations import Observations
+
+days_of_orbit = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take minutes in plain Python")
 
 
 def judged(kind, V, S, R, white, x, P, H, z, r):
@@ -103,6 +106,7 @@ def five_days(day):
     return mission, simulate.fly(mission, day.gravity), simulate.fly(mission, day.gravity, 1.0)
 
 
+@days_of_orbit
 @pytest.mark.parametrize(
     ("name", "kind", "expected"),
     [
@@ -119,6 +123,7 @@ def test_seed_0_anchors_of_the_specification(day, five_days, name, kind, expecte
     np.testing.assert_allclose((score.x, score.y, score.z), expected, rtol=0.005)
 
 
+@days_of_orbit
 def test_long_states_of_the_specification(five_days):
     _, j2, rich = five_days
     np.testing.assert_allclose(j2.x[-1, :3], [-2541091.575, -1485751.559, -2329949.393], atol=0.01)
@@ -235,6 +240,7 @@ def test_a_lost_orbit_stops_the_filter_with_its_epoch(day):
         estimate.run("ekf", Observations(day.data.t, z, day.data.H, day.data.variance), day.flight.x0, preset("B"), day.force)
 
 
+@days_of_orbit
 def test_empirical_accelerations_take_up_what_the_force_misses(day):
     chosen = preset("E")
     data = simulate.observe(day.rich, day.mission, chosen, np.random.default_rng(0))
