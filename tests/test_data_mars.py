@@ -34,7 +34,10 @@ def test_the_field_is_read_from_the_lines_of_its_file(script):
     lines = [f"{field.radius!r}, {field.gm!r}, 7.4e-05, 80, 80, 1, 0.0, 0.0"]
     for n in range(2, field.n_max + 1):
         for m in range(n + 1):
-            lines.append(f"{n}, {m}, " + ", ".join(repr(float(a[n, m])) for a in (field.C, field.S, field.sigma_C, field.sigma_S)))
+            lines.append(
+                f"{n}, {m}, "
+                + ", ".join(repr(float(a[n, m])) for a in (field.C, field.S, field.sigma_C, field.sigma_S))
+            )
     lines.append("80, 80, 1.0, 1.0, 1.0, 1.0")  # beyond the degree that is kept
     assert make.read("\n".join(lines)).digest() == field.digest()
 

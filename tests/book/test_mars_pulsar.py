@@ -45,7 +45,9 @@ def test_anchors_of_the_specification(run, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(name))
-    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -53,7 +55,11 @@ def test_anchors_of_the_specification(run, name):
 def test_stored_reference(run, name):
     if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
         pytest.skip(f"no reference of {name} at the quick scale is stored yet; make one with: make reference")
-    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(name), "quick") if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -68,7 +74,9 @@ def test_figures_are_drawn_twice_with_their_data(run, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_claims_name_what_is_recorded(run, name):
-    named = {m.partition(":")[2] for c in claims.ledger(ROOT, PAPER) for m in c.metrics if m.startswith(f"{PAPER}/{name}:")}
+    named = {
+        m.partition(":")[2] for c in claims.ledger(ROOT, PAPER) for m in c.metrics if m.startswith(f"{PAPER}/{name}:")
+    }
     assert named <= set(reference.read_run(run(name))[1])
 
 
@@ -81,7 +89,9 @@ def test_the_names_of_the_contract(run):
     metrics = reference.read_run(run("05-table3"))[1]
     for name in FILTERS:
         for axis in ("x", "y", "z", "3d"):
-            assert metrics[f"table3.{name}.rms.{axis}"]["unit"] == metrics[f"table3.{name}.rms_sd.{axis}"]["unit"] == "m"
+            assert (
+                metrics[f"table3.{name}.rms.{axis}"]["unit"] == metrics[f"table3.{name}.rms_sd.{axis}"]["unit"] == "m"
+            )
         assert metrics[f"table3.{name}.nees6"]["unit"] == ""
         assert (f"table3.{name}.nis7" in metrics) == (name != "rts")
 
@@ -96,7 +106,15 @@ def test_the_parameters_of_the_contract():
 
 @pytest.mark.parametrize("preset", list("ABCD"))
 def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
-    given = {"preset": preset, "filters": ["ekf", "ukf", "ekf_tuned"], "n_seeds": 1, "days": 1.0, "pulsars": [1, 2, 3, 7], "raan_deg": 75.0, "q_pos_m": 20.0}
+    given = {
+        "preset": preset,
+        "filters": ["ekf", "ukf", "ekf_tuned"],
+        "n_seeds": 1,
+        "days": 1.0,
+        "pulsars": [1, 2, 3, 7],
+        "raan_deg": 75.0,
+        "q_pos_m": 20.0,
+    }
     folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / preset, page=False, threads=1)
     metrics = reference.read_run(folder)[1]
     assert ("table3.ekf_tuned.rms.x" in metrics) == (preset == "C")

@@ -31,7 +31,9 @@ def test_innovation_and_its_covariance(epoch):
     assert adaptive.innovation_step(-10 * prior.cov, V, H, R, S, white) > 0
 
 
-@pytest.mark.parametrize(("s", "factor"), [(0.0, 1.0), (1.5, 1.0), (-1.5, 1.0), (2.0, 0.75 * 0.25), (2.5, 1e-3), (9.0, 1e-3)])
+@pytest.mark.parametrize(
+    ("s", "factor"), [(0.0, 1.0), (1.5, 1.0), (-1.5, 1.0), (2.0, 0.75 * 0.25), (2.5, 1e-3), (9.0, 1e-3)]
+)
 def test_three_part_factor(s, factor):
     assert adaptive.three_part(s, 1.5, 2.5, 1e-3) == pytest.approx(factor)
 

@@ -90,7 +90,9 @@ def test_no_redundancy_leaves_all_weights_at_one():
     np.testing.assert_allclose(N @ x, z, atol=1e-9)
 
 
-@pytest.mark.parametrize("rows", [[[1.0, 0, 0]], [[1.0, 0, 0], [0, 1.0, 0]], [[1.0, 1e-9, 0], [1.0, 0, 0], [1.0, 2e-9, 0]]])
+@pytest.mark.parametrize(
+    "rows", [[[1.0, 0, 0]], [[1.0, 0, 0], [0, 1.0, 0]], [[1.0, 1e-9, 0], [1.0, 0, 0], [1.0, 2e-9, 0]]]
+)
 def test_a_singular_design_is_told_not_inverted(rows):
     N = np.array(rows)
     x, U = np.empty(3), np.empty((3, 3))

@@ -76,10 +76,14 @@ def write_spk(path, segments, kind=2, cut=None):
         mid = s.start + s.length * (np.arange(n) + 0.5)
         rows = np.column_stack([mid, np.full(n, s.length / 2), (s.coefficients / 1e3).reshape(n, 3 * k)])
         body = np.concatenate([rows.ravel(), [s.start, s.length, 3 * k + 2, n]])
-        summaries.append(struct.pack("<2d6i", s.start, s.end, s.target, s.centre, 1, kind, place, place + len(body) - 1))
+        summaries.append(
+            struct.pack("<2d6i", s.start, s.end, s.target, s.centre, 1, kind, place, place + len(body) - 1)
+        )
         words.append(body)
         place += len(body)
-    head = (b"DAF/SPK ".ljust(8) + struct.pack("<2i", 2, 6) + b" " * 60 + struct.pack("<3i", 2, 2, place) + b"LTL-IEEE").ljust(1024, b"\0")
+    head = (
+        b"DAF/SPK ".ljust(8) + struct.pack("<2i", 2, 6) + b" " * 60 + struct.pack("<3i", 2, 2, place) + b"LTL-IEEE"
+    ).ljust(1024, b"\0")
     page = (struct.pack("<3d", 0, 0, len(segments)) + b"".join(summaries)).ljust(1024, b"\0")
     data = head + page + b" " * 1024 + np.concatenate(words).astype("<f8").tobytes()
     path.write_bytes(data[:cut])
@@ -91,7 +95,9 @@ def test_an_spk_file_is_read_back(tmp_path):
     path = write_spk(tmp_path / "two.bsp", kept)
     e = load_ephemeris(path)
     np.testing.assert_allclose(
-        e.position("mars", 2456658.5, centre="sun"), load_ephemeris().position("mars", 2456658.5, centre="sun"), atol=1e-3
+        e.position("mars", 2456658.5, centre="sun"),
+        load_ephemeris().position("mars", 2456658.5, centre="sun"),
+        atol=1e-3,
     )
     assert e.name == "two.bsp"
 

@@ -17,7 +17,11 @@ R = np.array([1.2e6, -2.3e6, 2.9e6])
 
 
 def test_rotation_from_the_icrf():
-    expected = [[0.6734438693, 0.7392383613, 0.0], [-0.5894331718, 0.5369718032, 0.6035145553], [0.4461411109, -0.4064331773, 0.7973519810]]
+    expected = [
+        [0.6734438693, 0.7392383613, 0.0],
+        [-0.5894331718, 0.5369718032, 0.6035145553],
+        [0.4461411109, -0.4064331773, 0.7973519810],
+    ]
     np.testing.assert_allclose(mars.smci_from_icrf(0.14), expected, atol=1e-10)
     np.testing.assert_allclose(mars.icrf_from_smci(0.14) @ mars.smci_from_icrf(0.14), np.eye(3), atol=1e-15)
 
@@ -44,7 +48,12 @@ def test_constants_of_gmm2b():
 
 @pytest.mark.parametrize(
     ("changes", "match"),
-    [({"gm": 42828.37}, "km"), ({"radius": 3397.0}, "in km"), ({"gm": 3.986e14}, "another body"), ({"C": np.sqrt(5) * FIELD.C}, "unnormalised")],
+    [
+        ({"gm": 42828.37}, "km"),
+        ({"radius": 3397.0}, "in km"),
+        ({"gm": 3.986e14}, "another body"),
+        ({"C": np.sqrt(5) * FIELD.C}, "unnormalised"),
+    ],
 )
 def test_a_field_in_other_units_is_refused(changes, match):
     C = np.array(changes.get("C", FIELD.C))
@@ -61,7 +70,14 @@ def test_j2_acceleration_and_gradient():
     oblate.j2_point(R, *CONSTANTS, a)
     oblate.j2_gradient_point(R, *CONSTANTS, G)
     np.testing.assert_allclose(a, [-0.86895006003, 1.66548761505, -2.10938967219], atol=1e-11)
-    expected = [-5.189137510825e-7, -3.933216563025e-7, 4.996632478290e-7, 2.974145789e-8, -9.576878916723e-7, 4.891722931923e-7]
+    expected = [
+        -5.189137510825e-7,
+        -3.933216563025e-7,
+        4.996632478290e-7,
+        2.974145789e-8,
+        -9.576878916723e-7,
+        4.891722931923e-7,
+    ]
     np.testing.assert_allclose(G[np.triu_indices(3)], expected, rtol=1e-9)
     assert abs(np.trace(G)) < 1e-20
     np.testing.assert_array_equal(G, G.T)
@@ -95,7 +111,12 @@ def test_solar_pressure_and_its_shadow():
     sun, out = np.array([AU, 0.0, 0.0]), np.zeros(3)
     perturbations.solar_pressure_point(np.array([0.0, 4e6, 0.0]), sun, 1e-7, 3.4e6, out)
     np.testing.assert_allclose(out, [-1e-7, 0.0, 0.0], atol=1e-11)
-    for place, shone in (([-4e6, 0, 0], False), ([-4e6, 3.39e6, 0], False), ([-4e6, 3.41e6, 0], True), ([4e6, 0, 0], True)):
+    for place, shone in (
+        ([-4e6, 0, 0], False),
+        ([-4e6, 3.39e6, 0], False),
+        ([-4e6, 3.41e6, 0], True),
+        ([4e6, 0, 0], True),
+    ):
         out[:] = 0.0
         perturbations.solar_pressure_point(np.array(place), sun, 1e-7, 3.4e6, out)
         assert bool(out.any()) == shone

@@ -35,7 +35,11 @@ def test_methods_differ_as_they_say(trial):
     scores = {label: assess.mean(s) for label, s in ensemble.ensemble(trial, 0, 2).items()}
     assert scores["wide"].nis < scores["ekf"].nis and scores["wide"].nees6 < scores["ekf"].nees6
     assert scores["empirical"].d3 < scores["ekf"].d3
-    assert scores["two"].d3 != scores["ekf"].d3 and scores["cycle"].d3 != scores["ekf"].d3 and scores["rts"].d3 != scores["ekf"].d3
+    assert (
+        scores["two"].d3 != scores["ekf"].d3
+        and scores["cycle"].d3 != scores["ekf"].d3
+        and scores["rts"].d3 != scores["ekf"].d3
+    )
 
 
 def test_a_score_from_its_definitions(trial, day):
@@ -76,7 +80,9 @@ def test_statistics_of_an_ensemble():
     difference, error = assess.paired(scores, scores[::-1])
     assert difference == 0.0 and error == pytest.approx(np.std([-5, 0, 5], ddof=1) / np.sqrt(3))
     assert assess.paired(scores[:1], scores[1:2]) == (-1.0, 0.0)
-    assert assess.ordered({"a": scores[:1], "b": scores[1:2]}, ["a", "b"]) and not assess.ordered({"a": scores, "b": scores}, ["a", "b"])
+    assert assess.ordered({"a": scores[:1], "b": scores[1:2]}, ["a", "b"]) and not assess.ordered(
+        {"a": scores, "b": scores}, ["a", "b"]
+    )
 
 
 def test_a_filter_that_diverges_is_none_not_a_number(day):

@@ -24,7 +24,9 @@ def judged(kind, V, S, R, white, x, P, H, z, r):
     if kind in ("ekf", "ukf"):
         return 1.0, np.ones(m)
     if kind == "igg":
-        return 1.0, np.maximum([robust.igg3(v / np.sqrt(s), 1.5, 2.5) for v, s in zip(V, np.diag(S), strict=True)], robust.FLOOR)
+        return 1.0, np.maximum(
+            [robust.igg3(v / np.sqrt(s), 1.5, 2.5) for v, s in zip(V, np.diag(S), strict=True)], robust.FLOOR
+        )
     if kind == "aekf1_prw":
         to, tp = (V**2 / r).sum(), (np.diag(H @ P @ H.T) / r).sum()
         return (1.0 if to <= tp + m else max(tp / (to - m), 1e-3)), np.ones(m)
@@ -94,7 +96,14 @@ def test_the_unscented_filter_is_the_cores(day):
     H = np.hstack([data.H, np.zeros((7, 3))])
     x = gaussian(day.flight.x0, chosen.P0)
     for k in range(n):
-        x = core_unscented.predict(x, lambda s: simulate.fly_in(day.force, np.ascontiguousarray(s), np.array([500.0])).x[0], chosen.process_noise(500.0), 1.0, 0.0, -3.0)
+        x = core_unscented.predict(
+            x,
+            lambda s: simulate.fly_in(day.force, np.ascontiguousarray(s), np.array([500.0])).x[0],
+            chosen.process_noise(500.0),
+            1.0,
+            0.0,
+            -3.0,
+        )
         x, _ = update(x, data.z[k], H, np.diag(data.variance))
         assert np.abs((found.x[k] - x.mean) / np.sqrt(np.diag(x.cov))).max() < 1e-6
         np.testing.assert_allclose(found.P[k], x.cov, rtol=1e-6, atol=1e-8 * np.abs(x.cov).max())
@@ -135,7 +144,9 @@ def test_the_smoother_is_at_the_end_the_filter_and_before_it_better(day):
     forward = estimate.run("ekf", day.data, day.flight.x0, chosen, day.force)
     smoothed = estimate.smooth(forward)
     np.testing.assert_array_equal(smoothed.x[-1], forward.x[-1])
-    assert (np.diagonal(smoothed.P[:-1, :3, :3], axis1=1, axis2=2) < np.diagonal(forward.P[:-1, :3, :3], axis1=1, axis2=2)).all()
+    assert (
+        np.diagonal(smoothed.P[:-1, :3, :3], axis1=1, axis2=2) < np.diagonal(forward.P[:-1, :3, :3], axis1=1, axis2=2)
+    ).all()
     assert assess.score(smoothed, day.flight, 5).d3 < assess.score(forward, day.flight, 5).d3
 
 
@@ -155,7 +166,9 @@ def test_irregular_epochs_use_the_actual_interval(day):
     """Every second epoch alone: the same prediction as through an epoch without observation."""
     z = day.data.z.copy()
     z[::2] = np.nan
-    gaps = estimate.run("ekf", Observations(day.data.t, z, day.data.H, day.data.variance), day.flight.x0, preset("C"), day.force)
+    gaps = estimate.run(
+        "ekf", Observations(day.data.t, z, day.data.H, day.data.variance), day.flight.x0, preset("C"), day.force
+    )
     sparse = Observations(day.data.t[1::2], day.data.z[1::2], day.data.H, day.data.variance)
     jumps = estimate.run("ekf", sparse, day.flight.x0, preset("C"), day.force)
     np.testing.assert_allclose(jumps.predicted_x[0], gaps.predicted_x[1], atol=1e-4)
@@ -181,7 +194,10 @@ def test_three_pulsars_have_no_redundancy(day):
 def test_the_floor_matters_little(day):
     chosen = preset("E")
     data = simulate.observe(day.rich, day.mission, chosen, np.random.default_rng(3))
-    d3 = [assess.score(estimate.run("aekf1_prw", data, day.rich.x0, chosen, day.force, Tuning(floor=f)), day.rich, 10).d3 for f in (1e-6, 1e-3, 1e-2)]
+    d3 = [
+        assess.score(estimate.run("aekf1_prw", data, day.rich.x0, chosen, day.force, Tuning(floor=f)), day.rich, 10).d3
+        for f in (1e-6, 1e-3, 1e-2)
+    ]
     assert np.ptp(d3) < 0.04 * d3[0]
 
 
@@ -237,7 +253,9 @@ def test_a_lost_orbit_stops_the_filter_with_its_epoch(day):
     z = day.data.z.copy()
     z[4, 2] += 3e7
     with pytest.raises(Diverged, match="k = 5: an innovation"):
-        estimate.run("ekf", Observations(day.data.t, z, day.data.H, day.data.variance), day.flight.x0, preset("B"), day.force)
+        estimate.run(
+            "ekf", Observations(day.data.t, z, day.data.H, day.data.variance), day.flight.x0, preset("B"), day.force
+        )
 
 
 @days_of_orbit

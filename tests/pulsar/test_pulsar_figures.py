@@ -84,13 +84,20 @@ def test_against_paper():
     for j, axes in enumerate(figure.axes):
         lines = [line for line in axes.get_lines() if line.get_label().startswith("paper")]
         assert lines[0].get_xdata()[0] == (94.1, 19.5, 22.3)[j]
-        assert sorted(float(line.get_xdata()[0]) for line in axes.get_lines() if line.get_marker() in ("^", "o")) == sorted(v[j] for v in scores.values())
+        assert sorted(
+            float(line.get_xdata()[0]) for line in axes.get_lines() if line.get_marker() in ("^", "o")
+        ) == sorted(v[j] for v in scores.values())
         assert axes.get_xlabel() == f"RMS error in {'XYZ'[j]} [m]"
     assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["EKF", "AEKF1 (prw)"]
 
 
 def test_seed_strip_takes_the_colour_of_the_filter_that_is_named():
-    values = {"A, RAEKF 1.5/2.5": [3.0, 5.0], "EKF, cycle 123": [1.0], "igg 3/8": [2.0], "the same + RTS smoother": [4.0]}
+    values = {
+        "A, RAEKF 1.5/2.5": [3.0, 5.0],
+        "EKF, cycle 123": [1.0],
+        "igg 3/8": [2.0],
+        "the same + RTS smoother": [4.0],
+    }
     [axes] = labelled(figures.seed_strip(values, "3-D RMS error of a run [m]", marks={"paper": 2.5})).axes
     means = [line for line in axes.get_lines() if line.get_marker() == "D"]
     assert [float(line.get_xdata()[0]) for line in means] == [4.0, 1.0, 2.0, 4.0]
@@ -153,7 +160,9 @@ def test_accuracy():
 
 def test_arrival_residuals_in_milliseconds():
     t = 500.0 * np.arange(7)
-    [axes] = labelled(signal_figures.arrival_residuals(t, {"raw": np.full(7, 8e-3), "corrected": np.full(7, 2e-3)}, np.full(7, 1e-3))).axes
+    [axes] = labelled(
+        signal_figures.arrival_residuals(t, {"raw": np.full(7, 8e-3), "corrected": np.full(7, 2e-3)}, np.full(7, 1e-3))
+    ).axes
     heights = [c.lines[0].get_ydata()[0] for c in axes.containers]
     assert heights == pytest.approx([8.0, 2.0]) and "[ms]" in axes.get_ylabel()
 

@@ -19,7 +19,10 @@ def vendored(name):
 
 @pytest.fixture(scope="module")
 def rxte():
-    events, orbit = photons.read_events(vendored("b1509_rxte.fits.gz")), photons.read_orbit(vendored("rxte_orbit.fits.gz"))
+    events, orbit = (
+        photons.read_events(vendored("b1509_rxte.fits.gz")),
+        photons.read_orbit(vendored("rxte_orbit.fits.gz")),
+    )
     return events, orbit, photons.par_direction(photons.read_par(vendored("b1509.par")))
 
 
@@ -63,7 +66,9 @@ def test_an_orbit_of_another_day_is_refused(rxte):
 
 def test_positions_between_the_minutes_of_an_orbit(rxte):
     _, orbit, _ = rxte
-    middle = photons.SatelliteOrbit(orbit.t[::2], orbit.jd, orbit.r[::2], orbit.v[::2]).position(orbit.t[1:-1:2], orbit.jd)
+    middle = photons.SatelliteOrbit(orbit.t[::2], orbit.jd, orbit.r[::2], orbit.v[::2]).position(
+        orbit.t[1:-1:2], orbit.jd
+    )
     assert np.abs(middle - orbit.r[1:-1:2]).max() < 100.0  # even over two minutes: 0.3 microseconds
 
 
@@ -114,7 +119,15 @@ def card(key, value):
 def table(header, columns, rows):
     """Bytes of a FITS file with one binary table; columns: (name, format, big-endian array)."""
     width = sum(c[2].dtype.itemsize for c in columns)
-    cards = [card("XTENSION", "BINTABLE"), card("BITPIX", 8), card("NAXIS", 2), card("NAXIS1", width), card("NAXIS2", rows), card("PCOUNT", 0), card("TFIELDS", len(columns))]
+    cards = [
+        card("XTENSION", "BINTABLE"),
+        card("BITPIX", 8),
+        card("NAXIS", 2),
+        card("NAXIS1", width),
+        card("NAXIS2", rows),
+        card("PCOUNT", 0),
+        card("TFIELDS", len(columns)),
+    ]
     for k, (name, form, _) in enumerate(columns, 1):
         cards += [card(f"TTYPE{k}", name), card(f"TFORM{k}", form)]
     cards += [card(k, v) for k, v in header.items()] + ["END".ljust(80)]
@@ -142,7 +155,12 @@ def test_a_fits_table(tmp_path):
 
 @pytest.mark.parametrize(
     ("drop", "match"),
-    [("TIMEZERO", "lacks TIMEZERO"), ("MJDREFI", "lacks MJDREF"), ("MJDREFF", "lacks MJDREF"), ("TIMEREF", "TIMEREF = missing")],
+    [
+        ("TIMEZERO", "lacks TIMEZERO"),
+        ("MJDREFI", "lacks MJDREF"),
+        ("MJDREFF", "lacks MJDREF"),
+        ("TIMEREF", "TIMEREF = missing"),
+    ],
 )
 def test_event_files_that_do_not_say_what_their_times_mean(tmp_path, drop, match):
     path = tmp_path / "events.fits"

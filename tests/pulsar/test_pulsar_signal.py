@@ -10,7 +10,14 @@ from geokalman import files
 from geokalman.constants import C_LIGHT
 from geokalman.physics.ephemeris import load_ephemeris
 from geokalman.pulsar import photons, timing
-from geokalman.pulsar.catalogue import PULSARS, RangingWarning, directions, ranging_sigma, require_distinct, single_epoch_covariance
+from geokalman.pulsar.catalogue import (
+    PULSARS,
+    RangingWarning,
+    directions,
+    ranging_sigma,
+    require_distinct,
+    single_epoch_covariance,
+)
 from geokalman.pulsar.model import TRANSFER, all_directions, all_sigmas
 
 ROWS = [
@@ -25,7 +32,11 @@ def test_rows_of_h():
 
 def test_ranging_accuracy():
     np.testing.assert_allclose(all_sigmas(), [109.0, 325.8, 344.5, 2987.2, 1867.7, 10283.5, 13717.6], atol=0.05)
-    for duration, expected in ((1000.0, (77.1, 230.4, 243.6)), (5000.0, (34.5, 103.0, 109.0)), (1e5, (7.7, 23.0, 24.4))):
+    for duration, expected in (
+        (1000.0, (77.1, 230.4, 243.6)),
+        (5000.0, (34.5, 103.0, 109.0)),
+        (1e5, (7.7, 23.0, 24.4)),
+    ):
         np.testing.assert_allclose([ranging_sigma(p, duration=duration) for p in PULSARS[:3]], expected, atol=0.06)
 
 
@@ -130,7 +141,9 @@ def test_largest_differences_over_a_mars_year():
     parallax = max(np.abs(timing.differential_parallax(crab.direction, b, x, crab.distance)).max() for x in r)
     assert parallax == pytest.approx(0.0151, abs=1e-4)
     assert timing.largest_shapiro(south.direction, b_sun, 3780e3).max() == pytest.approx(24.8, abs=0.05)
-    assert timing.largest_parallax(PULSARS[4].direction, b, 3780e3, PULSARS[4].distance).max() == pytest.approx(0.019, abs=1e-3)
+    assert timing.largest_parallax(PULSARS[4].direction, b, 3780e3, PULSARS[4].distance).max() == pytest.approx(
+        0.019, abs=1e-3
+    )
     assert np.abs(timing.roemer(south.direction, b)).max() == pytest.approx(792.8, abs=0.1)
     assert np.ptp(timing.shapiro(south.direction, b_sun)) == pytest.approx(123e-6, abs=1e-6)
 

@@ -13,7 +13,9 @@ from geokalman.pulsar.observations import Observations
 
 
 def test_states_of_the_specification(day):
-    np.testing.assert_allclose(day.flight.x0, [-94807.881, 164212.067, -3743070.317, 2939.964636, 1697.389374, 0], atol=6e-4)
+    np.testing.assert_allclose(
+        day.flight.x0, [-94807.881, 164212.067, -3743070.317, 2939.964636, 1697.389374, 0], atol=6e-4
+    )
     np.testing.assert_allclose(day.flight.x[0, :3], [1335729.139, 968454.654, -3370694.703], atol=1e-3)
     np.testing.assert_allclose(day.rich.x[0, :3], [1335733.392, 968397.106, -3370635.286], atol=1e-2)
 
@@ -31,7 +33,9 @@ def test_the_force_without_oblateness_is_keplers(day):
     head = day.force.head.copy()
     head[2] = 0.0
     flight = simulate.fly_in(Force(head, day.force.field, day.force.sun), day.flight.x0, day.flight.t)
-    exact = integrate(kepler_force, np.array([day.gravity.gm]), day.flight.x0, np.concatenate([[0.0], day.flight.t]), "dop853", 10.0)
+    exact = integrate(
+        kepler_force, np.array([day.gravity.gm]), day.flight.x0, np.concatenate([[0.0], day.flight.t]), "dop853", 10.0
+    )
     assert np.abs(flight.x[:, :3] - exact.r[1:, 0]).max() < 1.0  # the Runge-Kutta error of 60 epochs
     finer = simulate.fly_in(Force(head, day.force.field, day.force.sun), day.flight.x0, day.flight.t, step=2.5)
     assert np.abs(finer.x[:, :3] - exact.r[1:, 0]).max() < 5e-3
@@ -73,7 +77,10 @@ def test_outliers_and_biases_follow_the_noise(day):
     jump = (dirty.z - day.data.z) / all_sigmas()
     assert set(np.round(jump[jump != 0], 6)) == {-10.0, 10.0}
     assert 0.2 < (jump != 0).mean() < 0.4
-    none, const, sign = (simulate.observe(day.flight, day.mission, preset("B"), np.random.default_rng(0), bias=b).z for b in ("none", "const", "sign"))
+    none, const, sign = (
+        simulate.observe(day.flight, day.mission, preset("B"), np.random.default_rng(0), bias=b).z
+        for b in ("none", "const", "sign")
+    )
     np.testing.assert_allclose(const - none, CLOCK + TRANSFER, atol=1e-6)
     np.testing.assert_allclose(np.abs(sign - none - CLOCK), TRANSFER, atol=1e-6)
     assert np.ptp(sign - none, axis=0).max() < 1e-6  # a constant for each pulsar
@@ -93,7 +100,11 @@ def test_presets():
     assert list(PRESETS) == list("ABCDE")
     np.testing.assert_allclose(preset("D").process_noise(500.0), np.diag(np.repeat([150.0**2, 0.6**2], 3)))
     Q = preset("B").process_noise(500.0)
-    assert Q[0, 0] == pytest.approx(1e-14 * 500**3 / 3) and Q[0, 3] == pytest.approx(1e-14 * 500**2 / 2) and Q[3, 3] == pytest.approx(1e-14 * 500)
+    assert (
+        Q[0, 0] == pytest.approx(1e-14 * 500**3 / 3)
+        and Q[0, 3] == pytest.approx(1e-14 * 500**2 / 2)
+        and Q[3, 3] == pytest.approx(1e-14 * 500)
+    )
     assert preset("E", q_pos=None, q_vel=3.0).q_vel == 3.0 and preset("E", q_vel=3.0).q_pos == 1.0
     assert preset("C").with_tuned_noise().q_pos == 150.0
 
@@ -153,7 +164,14 @@ def test_masked_ranges_are_missing(day):
     assert np.isnan(data.z[3, 2]) and np.isnan(data.z).sum() == 1
 
 
-@pytest.mark.parametrize(("n", "errors"), [(1, (1.54e-2, 2.43, 8.5e-5, 1.50e-2)), (5, (9.0e-4, 0.128, 3.9e-6, 8.2e-4)), (50, (9.6e-6, 1.49e-3, 3.9e-8, 8.8e-6))])
+@pytest.mark.parametrize(
+    ("n", "errors"),
+    [
+        (1, (1.54e-2, 2.43, 8.5e-5, 1.50e-2)),
+        (5, (9.0e-4, 0.128, 3.9e-6, 8.2e-4)),
+        (50, (9.6e-6, 1.49e-3, 3.9e-8, 8.8e-6)),
+    ],
+)
 def test_transition_matrix_errors_of_the_specification(day, n, errors):
     reference = linearise.by_differences(day.force, day.flight.x0)
     found = linearise.block_errors(linearise.markley(day.force, day.flight.x0, n), reference)

@@ -1,12 +1,17 @@
-"""Adaptive factors: how far a prediction is to be trusted, judged by the observations; the predicted P becomes P / alpha.
+"""Adaptive factors: how far a prediction is to be trusted, judged by the observations; the predicted P becomes P /
+alpha.
 
 predicted residual     s^2 = V' S^-1 V / m (whitened), or sums of squares weighted by R (Yang & Gao 2006)
-state discrepancy      s^2 = d' (P + A^-1)^-1 d / n with d = least squares of the epoch minus prediction (Yang, He & Xu 2001)
+state discrepancy      s^2 = d' (P + A^-1)^-1 d / n with d = least squares of the epoch minus prediction (Yang, He & Xu
+2001)
 factor                 three-part (IGG-III of s), two-part (k0 / s), or the ratio that makes the sums agree
 
-Cost on clean data: a factor with k0 = 1.5 throws away part of a good prediction in 8.0 % of epochs (3 degrees of freedom; 2.8 %
-with 7), and each time the filter must converge again. What it wins: with a process noise that is far too small the error stays that of
-the observations instead of diverging. It cannot tell an outlier from a wrong prediction: outliers make an adaptive filter worse.
+Cost on clean data: a factor with k0 = 1.5 throws away part of a good prediction in 8.0 % of epochs (3 degrees of
+freedom; 2.8 %
+with 7), and each time the filter must converge again. What it wins: with a process noise that is far too small the
+error stays that of
+the observations instead of diverging. It cannot tell an outlier from a wrong prediction: outliers make an adaptive
+filter worse.
 The unwhitened forms, kept below as `trace_factor` and `norm_ratio`, are ruled by the least accurate observation.
 """
 
@@ -68,7 +73,8 @@ def predicted_residual(whitened: np.ndarray) -> float:
 def ratio_factor(residual: np.ndarray, S: np.ndarray, R: np.ndarray, floor: float) -> float:
     """Optimal factor of predicted residuals: 1 where to <= tp + m, else tp / (to - m), not below floor.
 
-    to = sum V_a^2 / R_aa,  tp = sum (H P H')_aa / R_aa = sum S_aa / R_aa - m, so that each observation counts by its weight.
+    to = sum V_a^2 / R_aa,  tp = sum (H P H')_aa / R_aa = sum S_aa / R_aa - m, so that each observation counts by
+    its weight.
     residual : (m,); S, R : (m, m). Source: Yang & Gao (2006), J. Geodesy 80, 177-183, whitened by R; mars-pulsar (17).
     """
     m = residual.shape[0]
@@ -156,7 +162,8 @@ def adaptive_update(
 ) -> tuple[Gaussian, Innovation, float]:
     """Condition a Gaussian on z = H x + v after its covariance was divided by an adaptive factor alpha.
 
-    factor(residual, S, R, whitened) gives alpha in (0, 1], e.g. ``lambda V, S, R, w: three_part(predicted_residual(w), 1.5, 2.5, 1e-3)``;
+    factor(residual, S, R, whitened) gives alpha in (0, 1], e.g. ``lambda V, S, R, w:
+    three_part(predicted_residual(w), 1.5, 2.5, 1e-3)``;
     z : (m,), NaN where missing (left out before); H : (m, n); R : (m, m). A gap leaves the prior as it is, alpha = 1.
     Returns the posterior, the innovation with S of the prior before the division, and alpha.
     Raises ValueError for wrong input and a factor outside (0, 1], NotPositiveDefinite for S. Source: mars-pulsar (21).
@@ -180,5 +187,7 @@ def adaptive_update(
         S[inner], whitened[seen] = S_seen, white
         status = update_step(x, P, rs, Hs, Rs, np.empty_like(Rs), np.empty(seen.size))
     if status != 0:
-        raise NotPositiveDefinite("innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive")
+        raise NotPositiveDefinite(
+            "innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive"
+        )
     return Gaussian(x, P), Innovation(residual, S, whitened), alpha

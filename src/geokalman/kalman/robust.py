@@ -1,12 +1,16 @@
 """Robust estimation: weights of IGG-III and Huber, a chi-square gate, weighted updates, iterated equivalent weights.
 
-Where the weight acts decides everything. On innovations V / sqrt(S) an outlier is judged against what the filter predicts; on
-residuals of a single-epoch least squares it is judged against the observations of the same epoch, and an observation that
+Where the weight acts decides everything. On innovations V / sqrt(S) an outlier is judged against what the filter
+predicts; on
+residuals of a single-epoch least squares it is judged against the observations of the same epoch, and an observation
+that
 carries all the information pulls the solution to itself and shows no residual (see `redundancy_numbers`).
 
-Cost on clean data: k0 = 1.5 touches 13 % of good observations, k0 = 3 one in 370. The variance of a mean of Gaussian data grows
+Cost on clean data: k0 = 1.5 touches 13 % of good observations, k0 = 3 one in 370. The variance of a mean of Gaussian
+data grows
 by 4 % (Huber 1.5), 44 % (IGG-III 1.5/2.5, which throws away) and 0.5 % (IGG-III 3/8).
-Where the dynamics are wrong, a large innovation is no outlier: never combine these weights with too small a process noise.
+Where the dynamics are wrong, a large innovation is no outlier: never combine these weights with too small a process
+noise.
 """
 
 from __future__ import annotations
@@ -62,7 +66,8 @@ def innovation_weights_step(residual: np.ndarray, S: np.ndarray, k0: float, k1: 
 
 @njit(cache=True)
 def normal_step(N: np.ndarray, z: np.ndarray, p: np.ndarray, x: np.ndarray, U: np.ndarray) -> int:
-    """Weighted least squares x = (N' P N)^-1 N' P z with P = diag(p), and the root U of its normal matrix U' U = N' P N.
+    """Weighted least squares x = (N' P N)^-1 N' P z with P = diag(p), and the root U of its normal matrix U' U = N'
+    P N.
 
     N : (m, n); z, p : (m,); outputs x : (n,) and U : (n, n).
     Returns 0, or k >= 1 when direction k - 1 is not determined (a pivot below SINGULAR of its diagonal element).
@@ -89,11 +94,21 @@ def normal_step(N: np.ndarray, z: np.ndarray, p: np.ndarray, x: np.ndarray, U: n
 
 @njit(cache=True)
 def equivalent_weights_step(
-    N: np.ndarray, z: np.ndarray, variance: np.ndarray, k0: float, k1: float, passes: int, x: np.ndarray, U: np.ndarray, weights: np.ndarray
+    N: np.ndarray,
+    z: np.ndarray,
+    variance: np.ndarray,
+    k0: float,
+    k1: float,
+    passes: int,
+    x: np.ndarray,
+    U: np.ndarray,
+    weights: np.ndarray,
 ) -> int:
-    """Iterated least squares with IGG-III equivalent weights of its own residuals (res / sigma), as many passes as asked for.
+    """Iterated least squares with IGG-III equivalent weights of its own residuals (res / sigma), as many passes as
+    asked for.
 
-    Each pass: x and U with the weights so far, then weights = igg3((z - N x) / sigma), not below FLOOR. So x and U belong
+    Each pass: x and U with the weights so far, then weights = igg3((z - N x) / sigma), not below FLOOR. So x and U
+    belong
     to the weights of the pass before the last one.
     N : (m, n); z, variance : (m,); outputs x : (n,), U : (n, n) root of the normal matrix, weights : (m,).
     Returns the status of `normal_step`. Source: Yang, He & Xu (2001); mars-pulsar (19), (20).
@@ -119,7 +134,8 @@ def equivalent_weights_step(
 
 
 def redundancy_numbers(N, variance) -> np.ndarray:
-    """Redundancy numbers r_a = 1 - [N (N' R^-1 N)^-1 N' R^-1]_aa of a least-squares fit: the share of an error that its residual shows.
+    """Redundancy numbers r_a = 1 - [N (N' R^-1 N)^-1 N' R^-1]_aa of a least-squares fit: the share of an error that
+    its residual shows.
 
     N : (m, n); variance : (m,), positive. Returns (m,), between 0 (never seen) and 1; their sum is m - n.
     Raises ValueError for a design that leaves a direction undetermined.
@@ -129,7 +145,9 @@ def redundancy_numbers(N, variance) -> np.ndarray:
     x, U = np.empty(N.shape[1]), np.empty((N.shape[1], N.shape[1]))
     status = normal_step(N, np.zeros(len(N)), 1.0 / variance, x, U)
     if status != 0:
-        raise ValueError(f"the {len(N)} observations leave direction {status - 1} undetermined; redundancy numbers need full rank")
+        raise ValueError(
+            f"the {len(N)} observations leave direction {status - 1} undetermined; redundancy numbers need full rank"
+        )
     B = np.ascontiguousarray(N.T)
     solve_lower(U, B)
     return 1.0 - (B * B).sum(0) / variance
@@ -146,7 +164,9 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     return bool(w.size == 0 or (w**2).sum() <= 2.0 * gammaincinv(0.5 * w.size, probability))
 
 
-def robust_update(prior: Gaussian, z, H, R, k0: float = 3.0, k1: float = 8.0) -> tuple[Gaussian, Innovation, np.ndarray]:
+def robust_update(
+    prior: Gaussian, z, H, R, k0: float = 3.0, k1: float = 8.0
+) -> tuple[Gaussian, Innovation, np.ndarray]:
     """Condition a Gaussian on z = H x + v with IGG-III weights w of the innovations: R_ab becomes R_ab / sqrt(w_a w_b).
 
     w_a = igg3(V_a / sqrt(S_aa)); k1 = inf gives Huber's weights. z : (m,), NaN where missing; H : (m, n); R : (m, m).
@@ -172,7 +192,9 @@ def robust_update(prior: Gaussian, z, H, R, k0: float = 3.0, k1: float = 8.0) ->
             inflated = R[inner] / np.sqrt(w[:, None] * w)
             status = update_step(x, P, rs, Hs, inflated, scratch, np.empty(seen.size))
         if status != 0:
-            raise NotPositiveDefinite("innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive")
+            raise NotPositiveDefinite(
+                "innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive"
+            )
         whitened[seen], weights[seen] = white, w
     return Gaussian(x, P), Innovation(residual, S, whitened), weights
 

@@ -58,6 +58,7 @@ def j2_gradient_point(r: np.ndarray, gm: float, radius: float, j2: float, out: n
 
 @njit(FORCE, cache=True)
 def oblate_force(t, y, params, acceleration):
-    """The same acceleration as a force for `orbit.integrate`, inertial axes of the equator; params = [gm, radius, j2]."""
+    """The same acceleration as a force for `orbit.integrate`, inertial axes of the equator; params = [gm, radius,
+    j2]."""
     for b in range(y.size // 6):
         j2_point(y[6 * b : 6 * b + 3], params[0], params[1], params[2], acceleration[3 * b : 3 * b + 3])

@@ -1,6 +1,7 @@
 """An EKF with three empirical accelerations: first-order Gauss-Markov processes beside position and velocity.
 
-State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + white noise of standard deviation sigma in the long run; otherwise as `estimate`.
+State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + white noise of standard deviation sigma in the long run; otherwise
+as `estimate`.
 """
 
 from __future__ import annotations
@@ -23,15 +24,20 @@ NOISE = (1.0, 1e-3)
 
 
 def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, tau: float) -> Estimate:
-    """Filter with empirical accelerations of standard deviation sigma [m s^-2] and time constant tau [s], which start at zero.
+    """Filter with empirical accelerations of standard deviation sigma [m s^-2] and time constant tau [s], which
+    start at zero.
 
     x0 (6,), P0 (6, 6) and force as for `estimate.run`; every range must be there, epochs STEP apart.
     Raises ValueError for sigma or tau not positive and for gaps, ArithmeticError where a covariance is lost.
     """
     if not (sigma > 0.0 and tau > 0.0):
-        raise ValueError(f"sigma = {sigma:g} m/s^2 and tau = {tau:g} s of the empirical accelerations must be positive.")
+        raise ValueError(
+            f"sigma = {sigma:g} m/s^2 and tau = {tau:g} s of the empirical accelerations must be positive."
+        )
     if np.isnan(data.z).any() or not np.allclose(np.diff(data.t, prepend=0.0), STEP):
-        raise ValueError(f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; use estimate.run for others.")
+        raise ValueError(
+            f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; use estimate.run for others."
+        )
     n, m = data.z.shape
     x, P, nis = np.zeros((n, 9)), np.zeros((n, 9, 9)), np.zeros(n)
     start, cov = np.zeros(9), np.zeros((9, 9))
@@ -41,7 +47,23 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     Q_sub = np.diag(np.repeat([0.0, 0.0, sigma**2 * -np.expm1(-2.0 * STEP / STEPS / tau)], 3))
     H = np.zeros((m, 9))
     H[:, :3] = data.H
-    failed = _loop(data.t, data.z, H, np.diag(data.variance), start, cov, Q, Q_sub, tau, force.head, force.field, force.sun, x, P, nis)
+    failed = _loop(
+        data.t,
+        data.z,
+        H,
+        np.diag(data.variance),
+        start,
+        cov,
+        Q,
+        Q_sub,
+        tau,
+        force.head,
+        force.field,
+        force.sun,
+        x,
+        P,
+        nis,
+    )
     if failed >= 0:
         raise ArithmeticError(f"the filter with empirical accelerations lost its covariance at epoch k = {failed + 1}.")
     none = np.zeros((0, 6, 6))

@@ -18,9 +18,11 @@ SETTLED = 100
 
 
 class Score(NamedTuple):
-    """One run: RMS of position in ICRF axes and in three dimensions [m], of velocity in Mars axes [m/s], NEES/6, NIS per range.
+    """One run: RMS of position in ICRF axes and in three dimensions [m], of velocity in Mars axes [m/s], NEES/6,
+    NIS per range.
 
-    early : 3-D RMS over rows 100 to 199 [m]; last : last k with a 3-D error above 1 km (0: none); fired : share of epochs with a factor
+    early : 3-D RMS over rows 100 to 199 [m]; last : last k with a 3-D error above 1 km (0: none); fired : share of
+    epochs with a factor
     below 1; nis is that of the forward filter.
     """
 
@@ -45,7 +47,8 @@ def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
 
 
 def sigmas(estimate: Estimate) -> tuple[Array, Array]:
-    """Standard deviations that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s], (n, 3) each."""
+    """Standard deviations that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s],
+    (n, 3) each."""
     R = mars.icrf_from_smci(CENTURIES)
     turned = np.einsum("ij,kjl,il->ki", R, estimate.P[:, :3, :3], R)
     return np.sqrt(turned), np.sqrt(np.diagonal(estimate.P[:, 3:, 3:], axis1=1, axis2=2))
@@ -92,7 +95,9 @@ def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:
     The runs of one seed share their observations: the right statistic for filters whose results are close.
     """
     difference = np.array([a.d3 - b.d3 for a, b in zip(one, other, strict=True)])
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(difference) > 1 else 0.0
+    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(
+        difference
+    ) > 1 else 0.0
 
 
 def ordered(scores: Mapping[str, Sequence[Score]], names: Sequence[str]) -> bool:

@@ -1,7 +1,9 @@
 """X-ray pulsars for navigation: Table 1, the directions to them, and the accuracy of a range from their pulses.
 
-The body of the paper's Table 1 is lost. Fluxes, pulsed fractions and widths are those tabulated after Sheikh (2005, thesis, University
-of Maryland); those of B1509-58 and all distances are of the same literature but less certain. Positions are rounded catalogue ones.
+The body of the paper's Table 1 is lost. Fluxes, pulsed fractions and widths are those tabulated after Sheikh (2005,
+thesis, University
+of Maryland); those of B1509-58 and all distances are of the same literature but less certain. Positions are rounded
+catalogue ones.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ class RangingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Pulsar:
-    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, pulse width at half height [s], distance [m].
+    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, pulse width at half
+    height [s], distance [m].
 
     Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
     """
@@ -49,9 +52,13 @@ class Pulsar:
         if not -90.0 <= self.dec <= 90.0:
             raise ValueError(f"{self.name}: declination {self.dec:g} deg is outside [-90, 90].")
         if self.flux <= 0.0 or self.distance <= 0.0 or self.width <= 0.0:
-            raise ValueError(f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} must be positive.")
+            raise ValueError(
+                f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} must be positive."
+            )
         if self.period <= self.width:
-            raise ValueError(f"{self.name}: period {self.period:g} s is not longer than the pulse width {self.width:g} s.")
+            raise ValueError(
+                f"{self.name}: period {self.period:g} s is not longer than the pulse width {self.width:g} s."
+            )
         if not 0.0 < self.pulsed <= 1.0:
             raise ValueError(f"{self.name}: pulsed fraction {self.pulsed:g} is outside (0, 1].")
 
@@ -81,7 +88,8 @@ def directions(pulsars: Sequence[Pulsar]) -> NDArray[np.float64]:
 
 
 def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The directions (m, 3), unless one is not a unit vector or two are the same: then ValueError with their numbers."""
+    """The directions (m, 3), unless one is not a unit vector or two are the same: then ValueError with their
+    numbers."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ValueError(f"directions have the shape {vectors.shape}; they must be (m, 3).")
@@ -91,7 +99,9 @@ def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     for k in range(len(vectors)):
         for i in range(k):
             if np.abs(vectors[k] - vectors[i]).max() < 1e-12:
-                raise ValueError(f"directions {i + 1} and {k + 1} are the same pulsar; it gives one observation, not two.")
+                raise ValueError(
+                    f"directions {i + 1} and {k + 1} are the same pulsar; it gives one observation, not two."
+                )
     return vectors
 
 
@@ -102,7 +112,8 @@ def ranging_sigma(
 
     sigma = c W / (2 SNR),  SNR = F A p T / sqrt([B + F (1 - p)] A T d + F A p T),  d = W / P.
     area A [cm^2]; duration T [s]; background B [photon cm^-2 s^-1]; F flux, p pulsed fraction, W width, P period.
-    Warns where the result suggests that the area is in square metres or the flux in another unit; raises ValueError for a value
+    Warns where the result suggests that the area is in square metres or the flux in another unit; raises ValueError
+    for a value
     that is not positive. Source: Sheikh (2005); the paper's (14)-(16).
     """
     for name, value in (("area", area), ("duration", duration), ("background", background)):
@@ -121,7 +132,8 @@ def ranging_sigma(
 
 
 def single_epoch_covariance(vectors: NDArray[np.float64], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the axes of the directions (m, 3).
+    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the axes of the
+    directions (m, 3).
 
     sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
     """

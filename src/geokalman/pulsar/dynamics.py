@@ -28,7 +28,8 @@ GM, RADIUS, J2, LAMBDA, W0, OMEGA, SUN_GM, SUNLIGHT = range(8)
 
 @dataclass(frozen=True)
 class Force:
-    """Packed arrays of the force: head (constants by the names above), field (for `acceleration_point`), sun (n, 3) [m]."""
+    """Packed arrays of the force: head (constants by the names above), field (for `acceleration_point`), sun (n, 3)
+    [m]."""
 
     head: Array
     field: Array
@@ -41,10 +42,13 @@ def j2_force(gravity: GravityField) -> Force:
     return Force(head, np.zeros(1), np.zeros((2, 3)))
 
 
-def rich_force(gravity: GravityField, mission: Mission, mismatch: float = 1.0, ephemeris: Ephemeris | None = None) -> Force:
+def rich_force(
+    gravity: GravityField, mission: Mission, mismatch: float = 1.0, ephemeris: Ephemeris | None = None
+) -> Force:
     """The field to its whole degree turning with Mars, the Sun as third body, and sunlight; `mismatch` is lambda.
 
-    ephemeris : None is the vendored DE421. Raises ValueError for a mismatch that is negative or not finite, and OutsideEphemeris.
+    ephemeris : None is the vendored DE421. Raises ValueError for a mismatch that is negative or not finite, and
+    OutsideEphemeris.
     """
     if not 0.0 <= mismatch < np.inf:
         raise ValueError(f"mismatch lambda = {mismatch:g} must be finite and not negative.")
@@ -52,7 +56,9 @@ def rich_force(gravity: GravityField, mission: Mission, mismatch: float = 1.0, e
         return j2_force(gravity)
     ephemeris = ephemeris or load_ephemeris()
     hours = np.arange(int(np.ceil(mission.days * DAY / SUN_STEP)) + 2)
-    sun = ephemeris.position("sun", mission.orbit.epoch, SUN_STEP * hours, centre="mars") @ mars.icrf_from_smci(CENTURIES)
+    sun = ephemeris.position("sun", mission.orbit.epoch, SUN_STEP * hours, centre="mars") @ mars.icrf_from_smci(
+        CENTURIES
+    )
     head = np.array([
         gravity.gm, gravity.radius, mars.j2(gravity), mismatch, mars.prime_meridian(mission.orbit.epoch), mars.OMEGA,
         GM_SUN, SOLAR_PRESSURE * REFLECTION,
@@ -130,7 +136,3 @@ def orbit_loop(y0, t, steps, head, field, sun, out):
         if not y[0] ** 2 + y[1] ** 2 + y[2] ** 2 >= head[RADIUS] ** 2:
             return i
     return -1
-
-
-
-

@@ -22,8 +22,10 @@ from geokalman.pulsar.simulate import Flight
 class Method:
     """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
 
-    smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees these alone;
-    r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states.
+    smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
+    these alone;
+    r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three accelerations
+    beside its states.
     """
 
     kind: str
@@ -56,7 +58,9 @@ class Experiment:
     first: int = assess.SETTLED
 
     def __call__(self, rng: np.random.Generator) -> dict[str, Score | None]:
-        data = simulate.observe(self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias)
+        data = simulate.observe(
+            self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias
+        )
         return {label: self._score(method, data) for label, method in self.methods.items()}
 
     def _score(self, method: Method, data: simulate.Observations) -> Score | None:
@@ -69,7 +73,12 @@ class Experiment:
         """What a method makes of the observations. Raises Diverged."""
         if method.pulsars:
             keep = [self.mission.columns.index(k - 1) for k in method.pulsars]
-            data = replace(data, z=np.ascontiguousarray(data.z[:, keep]), H=np.ascontiguousarray(data.H[keep]), variance=data.variance[keep])
+            data = replace(
+                data,
+                z=np.ascontiguousarray(data.z[:, keep]),
+                H=np.ascontiguousarray(data.H[keep]),
+                variance=data.variance[keep],
+            )
         if method.order:
             data = simulate.one_at_a_time(data, list(method.order), self.mission.columns)
         preset = method.preset or self.preset
@@ -87,9 +96,15 @@ class Experiment:
 
 
 def experiment(
-    mission: Mission, preset: Preset, gravity: GravityField, methods: Mapping[str, Method], tuning: Tuning | None = None, **options
+    mission: Mission,
+    preset: Preset,
+    gravity: GravityField,
+    methods: Mapping[str, Method],
+    tuning: Tuning | None = None,
+    **options,
 ) -> Experiment:
-    """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of `Experiment`."""
+    """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of
+    `Experiment`."""
     flight = simulate.fly(mission, gravity, preset.mismatch)
     return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
 
@@ -105,7 +120,8 @@ def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> d
 
 
 def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | None]]:
-    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and spread."""
+    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and
+    spread."""
     seeds = list(seeds)
     if len(set(seeds)) < len(seeds):
         twice = next(s for s in seeds if seeds.count(s) > 1)
@@ -119,7 +135,8 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
 
 
 def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
-    """Methods by the names of Table 3: the filters of `estimate.KINDS`, `rts`, and `ekf_tuned` where the preset defines it.
+    """Methods by the names of Table 3: the filters of `estimate.KINDS`, `rts`, and `ekf_tuned` where the preset
+    defines it.
 
     Raises ValueError for another name.
     """
@@ -132,5 +149,7 @@ def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
         elif name in estimate.KINDS:
             methods[name] = Method(name)
         else:
-            raise ValueError(f"filter {name!r} is unknown; give some of {', '.join([*estimate.KINDS, 'rts', 'ekf_tuned'])}.")
+            raise ValueError(
+                f"filter {name!r} is unknown; give some of {', '.join([*estimate.KINDS, 'rts', 'ekf_tuned'])}."
+            )
     return methods

@@ -1,6 +1,7 @@
 """The filters: EKF, two adaptive EKFs, the robust adaptive EKF, innovation weighting, UKF, and RTS smoothing.
 
-One compiled loop over the core's steps. It predicts the state by Runge-Kutta steps and the covariance by a chain of Markley's
+One compiled loop over the core's steps. It predicts the state by Runge-Kutta steps and the covariance by a chain of
+Markley's
 transition matrices, (8) and (9), judges the prediction, (17) to (20), and updates, (21).
 """
 
@@ -28,7 +29,8 @@ KINDS = {
     "ekf": 0, "aekf1_prw": 1, "aekf1_pr3": 2, "aekf1_pr2": 3, "aekf2": 4, "raekf": 5, "igg": 6, "ukf": 7,
     "trace": 8, "norm": 9, "literal": 10,
 }  # fmt: skip
-"""Filters by name: the paper's four (AEKF1 in three variants), `igg` with weighted innovations, `ukf`, and three unwhitened traps."""
+"""Filters by name: the paper's four (AEKF1 in three variants), `igg` with weighted innovations, `ukf`, and three
+unwhitened traps."""
 _EKF, _PRW, _PR3, _PR2, _AEKF2, _RAEKF, _IGG, _UKF, _TRACE, _NORM, _LITERAL = range(11)
 PASSES = 4
 """Iterations of the equivalent weights of the robust filter."""
@@ -49,10 +51,13 @@ class Diverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class Tuning:
-    """How a filter computes: thresholds k0, k1 of the factors and weights, floor of the factor, substeps, Runge-Kutta step.
+    """How a filter computes: thresholds k0, k1 of the factors and weights, floor of the factor, substeps,
+    Runge-Kutta step.
 
-    substeps : of the transition matrix in 500 s; rk_step : longest step of the state [s], None for one Runge-Kutta step a substep.
-    Raises ValueError for thresholds out of order, a floor outside (0, 1], and substeps too long for Markley's matrix unless
+    substeps : of the transition matrix in 500 s; rk_step : longest step of the state [s], None for one Runge-Kutta
+    step a substep.
+    Raises ValueError for thresholds out of order, a floor outside (0, 1], and substeps too long for Markley's
+    matrix unless
     allow_coarse; warns where they are long.
     """
 
@@ -66,7 +71,9 @@ class Tuning:
     def __post_init__(self) -> None:
         thresholds(self.k0, self.k1)
         if not 0.0 < self.floor <= 1.0:
-            raise ValueError(f"floor = {self.floor:g} of the adaptive factor must be above 0 (velocity is not observed in one epoch) and at most 1.")
+            raise ValueError(
+                f"floor = {self.floor:g} of the adaptive factor must be above 0 (velocity is not observed in one epoch) and at most 1."
+            )
         if self.substeps < 1:
             raise ValueError(f"substeps = {self.substeps} must be at least 1.")
         if self.rk_step is not None and not 0.0 < self.rk_step <= STEP:
@@ -76,10 +83,13 @@ class Tuning:
 
 @dataclass(frozen=True)
 class Estimate:
-    """States x (n, 6) [m, m/s] with covariances P (n, 6, 6) at the times t (n,) [s], and what the filter thought of them.
+    """States x (n, 6) [m, m/s] with covariances P (n, 6, 6) at the times t (n,) [s], and what the filter thought of
+    them.
 
-    alpha (n,) adaptive factors; weights (n, m) of the observations, NaN where missing; nis (n,) normalised innovation squared,
-    with S of the prediction before any adaptation, and observed (n,) how many ranges it counts; skipped (n,): the adaptation of this epoch was
+    alpha (n,) adaptive factors; weights (n, m) of the observations, NaN where missing; nis (n,) normalised
+    innovation squared,
+    with S of the prediction before any adaptation, and observed (n,) how many ranges it counts; skipped (n,): the
+    adaptation of this epoch was
     skipped, fewer than three independent pulsars. predicted_x, predicted_P, transition, noise: what a smoother needs.
     """
 
@@ -98,13 +108,21 @@ class Estimate:
 
 
 def run(
-    kind: str, data: Observations, x0: Array, preset: Preset, force: Force, tuning: Tuning | None = None,
-    P0: Array | None = None, R: Array | None = None,
+    kind: str,
+    data: Observations,
+    x0: Array,
+    preset: Preset,
+    force: Force,
+    tuning: Tuning | None = None,
+    P0: Array | None = None,
+    R: Array | None = None,
 ) -> Estimate:
     """Filter the observations from the initial estimate x0 (6,) with the preset's P0 and process noise.
 
-    kind : a name of `KINDS`; force : what the filter believes; P0 (6, 6), R (m, m) diagonal : instead of the preset's and the data's.
-    Raises ValueError for an unknown kind, NotPositiveDefinite for a P0 or R that is no covariance, Diverged with the epoch where the
+    kind : a name of `KINDS`; force : what the filter believes; P0 (6, 6), R (m, m) diagonal : instead of the
+    preset's and the data's.
+    Raises ValueError for an unknown kind, NotPositiveDefinite for a P0 or R that is no covariance, Diverged with
+    the epoch where the
     position comes inside Mars, the orbit opens, or sigma or innovation exceed 1e7 m.
     """
     if kind not in KINDS:
@@ -120,7 +138,13 @@ def run(
     _, which = np.unique(dt, return_inverse=True)
     steps = {int(k): preset.process_noise(float(dt[i])) for i, k in enumerate(which)}
     Q = np.array([covariance("Q", steps[int(k)], 6) for k in which])
-    x, x_pred, P, P_pred, Phi = np.empty((n, 6)), np.empty((n, 6)), np.empty((n, 6, 6)), np.empty((n, 6, 6)), np.zeros((n, 6, 6))
+    x, x_pred, P, P_pred, Phi = (
+        np.empty((n, 6)),
+        np.empty((n, 6)),
+        np.empty((n, 6, 6)),
+        np.empty((n, 6, 6)),
+        np.zeros((n, 6, 6)),
+    )
     alpha, weights, nis = np.ones(n), np.full((n, m), np.nan), np.zeros(n)
     observed, skipped = np.zeros(n, np.int64), np.zeros(n, np.bool_)
     c, w = spread(6, 1.0, 0.0, -3.0)
@@ -152,7 +176,15 @@ def smooth(forward: Estimate) -> Estimate:
     n = len(forward.t)
     x, P = np.empty_like(forward.x), np.empty_like(forward.P)
     epoch, status = rts_loop(
-        forward.x, forward.P, forward.predicted_x, forward.predicted_P, forward.transition[1:], forward.noise[1:], np.arange(n - 1), x, P
+        forward.x,
+        forward.P,
+        forward.predicted_x,
+        forward.predicted_P,
+        forward.transition[1:],
+        forward.noise[1:],
+        np.arange(n - 1),
+        x,
+        P,
     )
     if status != 0:
         raise NotPositiveDefinite("predicted covariance", epoch, float(forward.t[epoch]))
@@ -164,7 +196,8 @@ def smooth(forward: Estimate) -> Estimate:
 
 @njit(cache=True, nogil=True)
 def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
-    """State and transition matrix over dt [s]: Markley factors of about `substep` seconds, `inner` Runge-Kutta steps in each."""
+    """State and transition matrix over dt [s]: Markley factors of about `substep` seconds, `inner` Runge-Kutta
+    steps in each."""
     count = max(1, int(np.ceil(dt / substep - 1e-9)))
     h = dt / count
     work, factor = np.empty((5, 6)), np.empty((6, 6))
@@ -211,7 +244,8 @@ def filter_loop(
     kind, t, z, N, variance, x0, P0, Q, k0, k1, floor, substep, inner, c, w,
     head, field, sun, x, P, x_pred, P_pred, Phi, alpha, weights, nis, observed, skipped,
 ):  # fmt: skip
-    """All epochs forward, arrays as in `Estimate`. Returns (row, status): -1, 0; or 1 S not positive definite, 2 to 6 diverged."""
+    """All epochs forward, arrays as in `Estimate`. Returns (row, status): -1, 0; or 1 S not positive definite, 2 to
+    6 diverged."""
     n, m = z.shape
     seen = np.empty(m, np.int64)
     chi, gamma, U6 = np.empty((13, 6)), np.empty((13, 6)), np.empty((6, 6))

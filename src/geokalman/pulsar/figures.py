@@ -1,4 +1,5 @@
-"""Figures of the flight and of its filters. Plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in force.
+"""Figures of the flight and of its filters. Plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in
+force.
 
 Those of the timing model, the transition matrix and the photons stand in `signal_figures`.
 """
@@ -29,7 +30,16 @@ LABELS = {
 AXES = "XYZ"
 
 
-_WORDS = (("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("EKF", "ekf"), ("igg", "exact"), ("Huber", "exact"))
+_WORDS = (
+    ("RAEKF", "raekf"),
+    ("AEKF2", "aekf2"),
+    ("AEKF1", "aekf1"),
+    ("RTS", "rts"),
+    ("UKF", "ukf"),
+    ("EKF", "ekf"),
+    ("igg", "exact"),
+    ("Huber", "exact"),
+)
 
 
 def _style(name: str) -> Method:
@@ -51,7 +61,14 @@ def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", 
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 2.8))
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     for panel, (i, j) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
-        panel.fill(radius / 1e3 * np.cos(angle), radius / 1e3 * np.sin(angle), color=METHODS["aekf1"].colour, alpha=0.3, linewidth=0, label="Mars")
+        panel.fill(
+            radius / 1e3 * np.cos(angle),
+            radius / 1e3 * np.sin(angle),
+            color=METHODS["aekf1"].colour,
+            alpha=0.3,
+            linewidth=0,
+            label="Mars",
+        )
         panel.plot(states[:, i] / 1e3, states[:, j] / 1e3, color=METHODS["truth"].colour, linewidth=0.7, label="orbit")
         panel.set(xlabel=f"{axes[i]} [km]", ylabel=f"{axes[j]} [km]", aspect="equal")
         panel.set_xticks([-3000, 0, 3000])
@@ -63,20 +80,35 @@ def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", 
 def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
     """Ranges along the lines to pulsars, as times of arrival give them; t (n,) [s], z (n, m) [m]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    for k, (name, key) in enumerate(zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)):
+    for k, (name, key) in enumerate(
+        zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)
+    ):
         style = METHODS[key]
-        axes.plot(t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name)
+        axes.plot(
+            t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name
+        )
     axes.set(xlabel="time [h]", ylabel="range along the line [km]")
     figure.legend(loc="outside upper center", ncols=4)
     return figure
 
 
-def axis_errors(epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0) -> Figure:
-    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band; zoom > 0 limits the axis to +- zoom."""
+def axis_errors(
+    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0
+) -> Figure:
+    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band; zoom > 0 limits the axis to +-
+    zoom."""
     figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
     style = METHODS["aekf1"]
     for j, panel in enumerate(panels):
-        panel.fill_between(epoch, -3 * sigma[:, j], 3 * sigma[:, j], color=style.colour, alpha=0.22, linewidth=0, label="±3 sigma of the filter")
+        panel.fill_between(
+            epoch,
+            -3 * sigma[:, j],
+            3 * sigma[:, j],
+            color=style.colour,
+            alpha=0.22,
+            linewidth=0,
+            label="±3 sigma of the filter",
+        )
         panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
         panel.axhline(0.0, color=ink(), linewidth=0.6)
         panel.set_ylabel(f"{names[j]} [{unit}]")
@@ -107,27 +139,49 @@ def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], pri
     for j, panel in enumerate(panels):
         for k, name in enumerate(names):
             panel.errorbar(
-                scores[name][j], k, xerr=spreads[name][j], color=_style(name).colour, marker=_style(name).marker or "o", markersize=6, capsize=3
+                scores[name][j],
+                k,
+                xerr=spreads[name][j],
+                color=_style(name).colour,
+                marker=_style(name).marker or "o",
+                markersize=6,
+                capsize=3,
             )
         panel.axvline(printed[j], color=ink(), linewidth=0.9, linestyle="--", label=f"paper, AEKF1: {printed[j]:g} m")
-        panel.set(xlabel=f"RMS error in {AXES[j]} [m]", xscale="log", yticks=range(len(names)), yticklabels=[LABELS.get(n, n) for n in names])
+        panel.set(
+            xlabel=f"RMS error in {AXES[j]} [m]",
+            xscale="log",
+            yticks=range(len(names)),
+            yticklabels=[LABELS.get(n, n) for n in names],
+        )
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
         _round_ticks(panel.xaxis, *panel.get_xlim())
     panels[0].invert_yaxis()
     return figure
 
 
-def seed_strip(values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None) -> Figure:
+def seed_strip(
+    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None
+) -> Figure:
     """One row for each label: a point for every seed, and their mean; marks: label -> x of a vertical line."""
     figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
     for k, (label, row) in enumerate(values.items()):
         style = _style(label)
         axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
-        axes.plot(np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none")
+        axes.plot(
+            np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
+        )
     for text, x in (marks or {}).items():
         axes.axvline(x, color=ink(), linewidth=0.8, linestyle="--")
-        axes.annotate(text, (x, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(3, 2), fontsize=8)
-    axes.set(xlabel=xlabel, yticks=range(len(values)), yticklabels=[LABELS.get(n, n) for n in values], ylim=(len(values) - 0.5, -0.5))
+        axes.annotate(
+            text, (x, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(3, 2), fontsize=8
+        )
+    axes.set(
+        xlabel=xlabel,
+        yticks=range(len(values)),
+        yticklabels=[LABELS.get(n, n) for n in values],
+        ylim=(len(values) - 0.5, -0.5),
+    )
     if log:
         axes.set_xscale("log")
     return figure
@@ -139,7 +193,9 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
     for name, y in values.items():
         style = _style(name)
         shade = {"aekf1_pr3": "x", "aekf1_pr2": "+"}.get(name, style.marker or "o")
-        axes.plot(x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name))
+        axes.plot(
+            x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name)
+        )
     axes.set(xlabel=xlabel, ylabel=ylabel, yscale="log")
     _round_ticks(axes.yaxis, *axes.get_ylim())
     if logx:

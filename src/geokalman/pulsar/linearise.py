@@ -16,10 +16,13 @@ BLOCKS = {"rr": np.s_[:3, :3], "rv": np.s_[:3, 3:], "vr": np.s_[3:, :3], "vv": n
 
 
 def markley(force: Force, x: Array, substeps: int, dt: float = STEP, longest: float = 10.0) -> Array:
-    """Chain of Markley's matrices over dt from x (6,), G at the ends of substeps on a path of Runge-Kutta steps up to `longest`: (6, 6)."""
+    """Chain of Markley's matrices over dt from x (6,), G at the ends of substeps on a path of Runge-Kutta steps up
+    to `longest`: (6, 6)."""
     out, Phi = np.empty(6), np.empty((6, 6))
     h = dt / substeps
-    propagate_loop(0.0, dt, x, h, max(1, int(np.ceil(h / longest - 1e-9))), force.head, force.field, force.sun, out, Phi)
+    propagate_loop(
+        0.0, dt, x, h, max(1, int(np.ceil(h / longest - 1e-9))), force.head, force.field, force.sun, out, Phi
+    )
     return Phi
 
 
@@ -37,8 +40,11 @@ def integrated(force: Force, x: Array, substeps: int, dt: float = STEP) -> Array
     return total
 
 
-def by_differences(force: Force, x: Array, dt: float = STEP, step: float = 10.0, dr: float = 1.0, dv: float = 1e-3) -> Array:
-    """Transition matrix by central differences of the flow of Runge-Kutta steps, dr [m] and dv [m/s] either way: (6, 6)."""
+def by_differences(
+    force: Force, x: Array, dt: float = STEP, step: float = 10.0, dr: float = 1.0, dv: float = 1e-3
+) -> Array:
+    """Transition matrix by central differences of the flow of Runge-Kutta steps, dr [m] and dv [m/s] either way:
+    (6, 6)."""
     Phi, ends = np.empty((6, 6)), np.empty((2, 1, 6))
     for j in range(6):
         delta = dr if j < 3 else dv
@@ -56,12 +62,14 @@ def block_errors(Phi: Array, reference: Array) -> dict[str, float]:
 
 
 def step_error(force: Force, x: Array, step: float, dt: float = STEP) -> float:
-    """Error [m] of the position after dt by Runge-Kutta steps of `step` seconds in J2, against DOP853 in steps of 5 s."""
+    """Error [m] of the position after dt by Runge-Kutta steps of `step` seconds in J2, against DOP853 in steps of 5
+    s."""
     out = np.empty((1, 6))
     orbit_loop(x, np.array([dt]), round(dt / step), force.head, force.field, force.sun, out)
     return float(np.linalg.norm(out[0, :3] - precise_orbit(force, x, np.array([dt]))[0, :3]))
 
 
 def precise_orbit(force: Force, x: Array, t: Array, step: float = 5.0) -> Array:
-    """States (n, 6) at times t (n,) [s] after x (6,) in J2 by DOP853, the integrator of eighth order that stands for RKF7(8)."""
+    """States (n, 6) at times t (n,) [s] after x (6,) in J2 by DOP853, the integrator of eighth order that stands
+    for RKF7(8)."""
     return integrate(oblate_force, force.head[:3], x, np.concatenate([[0.0], t]), "dop853", step).y[1:]

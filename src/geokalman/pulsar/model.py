@@ -1,6 +1,7 @@
 """The experiment: pulsars and how well they range, the orbiter, the field it flies in, and the presets A to E.
 
-Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see the
+Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see
+the
 page of the paper for the source of each value. Equation numbers are the paper's.
 """
 
@@ -26,7 +27,8 @@ CENTURIES = 0.14
 CLOCK = C_LIGHT * 1e-9
 """Clock error of 1e-9 s [m]: a constant."""
 TRANSFER = C_LIGHT * 1e-7
-"""Error of the transfer of the timing model of 1e-7 s [m]: white in every observation, unless an experiment says otherwise."""
+"""Error of the transfer of the timing model of 1e-7 s [m]: white in every observation, unless an experiment says
+otherwise."""
 DAY = 86400.0
 
 
@@ -46,8 +48,10 @@ class Orbit(NamedTuple):
 class Preset:
     """What is true and what the filter believes.
 
-    mismatch : lambda of the truth, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of range and
-    transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white acceleration q_acc [m/s^1.5];
+    mismatch : lambda of the truth, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
+    range and
+    transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white acceleration
+    q_acc [m/s^1.5];
     p0 : sigmas of initial position [m] and velocity [m/s]; error : initial error of every component [m, m/s];
     tuned : (q_pos, q_vel) of the tuned filter, or None; aekf1 : the default variant of AEKF1.
     Raises ValueError for sigmas that are not positive.
@@ -72,7 +76,9 @@ class Preset:
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value:g} of preset {self.name} is not a positive number.")
         if not (min(self.p0) > 0 and all(map(math.isfinite, self.p0 + self.error))):
-            raise ValueError(f"p0 = {self.p0}, error = {self.error} of preset {self.name}: sigmas must be positive, errors finite.")
+            raise ValueError(
+                f"p0 = {self.p0}, error = {self.error} of preset {self.name}: sigmas must be positive, errors finite."
+            )
         if self.noise not in ("qd", "qc"):
             raise ValueError(f"noise = {self.noise!r} of preset {self.name} is unknown; give qd or qc.")
 

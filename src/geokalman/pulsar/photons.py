@@ -20,9 +20,11 @@ MJD = 2400000.5
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Photons: t (n,) [s] since the Julian date jd of the file (its time system, TT or TDB), and where the time was taken.
+    """Photons: t (n,) [s] since the Julian date jd of the file (its time system, TT or TDB), and where the time was
+    taken.
 
-    local : times at the satellite (TIMEREF LOCAL), not at the barycentre; exposure : sum of the good-time intervals [s], or nan;
+    local : times at the satellite (TIMEREF LOCAL), not at the barycentre; exposure : sum of the good-time intervals
+    [s], or nan;
     phase : (n,) pulse phases [cycles] where the file has them, else None.
     """
 
@@ -36,7 +38,8 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class SatelliteOrbit:
-    """Positions r (n, 3) [m] and velocities v (n, 3) [m/s] of a satellite about the Earth at t (n,) [s] since jd, ICRF axes."""
+    """Positions r (n, 3) [m] and velocities v (n, 3) [m/s] of a satellite about the Earth at t (n,) [s] since jd,
+    ICRF axes."""
 
     t: Array
     jd: float
@@ -58,7 +61,8 @@ class SatelliteOrbit:
 
 
 class Timing(NamedTuple):
-    """Times of arrival of pieces: middle [s], residual after a linear fit [s], formal sigma [s]; rms over n - 2; Z_1^2 and frequency [Hz] of all."""
+    """Times of arrival of pieces: middle [s], residual after a linear fit [s], formal sigma [s]; rms over n - 2;
+    Z_1^2 and frequency [Hz] of all."""
 
     t: Array
     residual: Array
@@ -70,7 +74,8 @@ class Timing(NamedTuple):
 
 
 def read_events(path: str | os.PathLike) -> Events:
-    """Photons of a FITS event file. Raises FitsError where it has no events, or does not say what its times refer to."""
+    """Photons of a FITS event file. Raises FitsError where it has no events, or does not say what its times refer
+    to."""
     tables = read_fits(path)
     events = next((t for t in tables if "TIME" in {c.upper() for c in t.columns} and t.name != "GTI"), None)
     if events is None:
@@ -83,19 +88,25 @@ def read_events(path: str | os.PathLike) -> Events:
     jd, zero = _reference(events, path)
     reference = str(events.header.get("TIMEREF", "")).upper()
     if reference not in ("LOCAL", "SOLARSYSTEM"):
-        raise FitsError(f"{path}: TIMEREF = {reference or 'missing'}; LOCAL (at the satellite) or SOLARSYSTEM (at the barycentre) is needed.")
+        raise FitsError(
+            f"{path}: TIMEREF = {reference or 'missing'}; LOCAL (at the satellite) or SOLARSYSTEM (at the barycentre) is needed."
+        )
     time = next(v for k, v in events.columns.items() if k.upper() == "TIME")
     phase = events.columns.get("PULSE_PHASE")
     return Events(str(events.header.get("OBJECT", "")), time + zero, jd, reference == "LOCAL", exposure, phase)
 
 
 def read_orbit(path: str | os.PathLike) -> SatelliteOrbit:
-    """A satellite's orbit from a FITS file with columns Time, X, Y, Z, Vx, Vy, Vz (RXTE's FPorbit). Raises FitsError."""
+    """A satellite's orbit from a FITS file with columns Time, X, Y, Z, Vx, Vy, Vz (RXTE's FPorbit). Raises
+    FitsError."""
     for table in read_fits(path):
         columns = {k.upper(): v for k, v in table.columns.items()}
         if {"TIME", "X", "Y", "Z", "VX", "VY", "VZ"} <= set(columns):
             jd, zero = _reference(table, path)
-            r, v = (np.column_stack([columns[k] for k in names]).astype(float) for names in (("X", "Y", "Z"), ("VX", "VY", "VZ")))
+            r, v = (
+                np.column_stack([columns[k] for k in names]).astype(float)
+                for names in (("X", "Y", "Z"), ("VX", "VY", "VZ"))
+            )
             return SatelliteOrbit(columns["TIME"] + zero, jd, r, v)
     raise FitsError(f"{path} has no table with Time, X, Y, Z, Vx, Vy, Vz; give an orbit file.")
 
@@ -108,20 +119,27 @@ def _reference(table: Table, path: str | os.PathLike) -> tuple[float, float]:
     if "MJDREFI" in h and "MJDREFF" in h:
         return MJD + float(h["MJDREFI"]) + float(h["MJDREFF"]), float(h["TIMEZERO"])
     if "MJDREF" not in h:
-        raise FitsError(f"{path}: the header lacks MJDREF (or MJDREFI and MJDREFF), the date that its times count from.")
+        raise FitsError(
+            f"{path}: the header lacks MJDREF (or MJDREFI and MJDREFF), the date that its times count from."
+        )
     return MJD + float(h["MJDREF"]), float(h["TIMEZERO"])
 
 
 def barycentred(events: Events, direction: Array, orbit: SatelliteOrbit | None, earth: bool = True, scale: float = 1.0,
                 ephemeris: Ephemeris | None = None) -> Array:  # fmt: skip
-    """Times at the solar-system barycentre by the Roemer delays, t + (n . r_Earth + scale n . r_satellite) / c, (n,) [s].
+    """Times at the solar-system barycentre by the Roemer delays, t + (n . r_Earth + scale n . r_satellite) / c,
+    (n,) [s].
 
-    direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the Earth's;
-    scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour, is left out.
+    direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the
+    Earth's;
+    scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour, is
+    left out.
     Raises ValueError for events that are at the barycentre already.
     """
     if not events.local:
-        raise ValueError(f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM); correcting them twice moves them by minutes.")
+        raise ValueError(
+            f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM); correcting them twice moves them by minutes."
+        )
     t = events.t.copy()
     if earth:
         t += (ephemeris or load_ephemeris()).position("earth", events.jd, events.t) @ direction / C_LIGHT
@@ -131,7 +149,8 @@ def barycentred(events: Events, direction: Array, orbit: SatelliteOrbit | None, 
 
 
 def z_squared(phase: Array, harmonics: int = 1) -> Array:
-    """Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`; phase (n,) [cycles]; returns (harmonics,).
+    """Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`; phase (n,) [cycles]; returns
+    (harmonics,).
 
     Source: Buccheri et al. (1983), Astron. Astrophys. 128, 245.
     """
@@ -141,7 +160,8 @@ def z_squared(phase: Array, harmonics: int = 1) -> Array:
 
 
 def h_test(phase: Array) -> float:
-    """H = max over m of 1 to 20 of Z_m^2 - 4 m + 4. Source: de Jager, Raubenheimer & Swanepoel (1989), Astron. Astrophys. 221, 180."""
+    """H = max over m of 1 to 20 of Z_m^2 - 4 m + 4. Source: de Jager, Raubenheimer & Swanepoel (1989), Astron.
+    Astrophys. 221, 180."""
     return float((z_squared(phase, 20) - 4.0 * np.arange(20)).max())
 
 
@@ -156,15 +176,20 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
     power = np.array([z_squared(f * t)[0] for f in grid])
     k = int(power.argmax())
     if k in (0, len(grid) - 1):
-        raise ValueError(f"no pulsation within {half_width:g} Hz of {near:g} Hz: Z^2 is largest at the end of the interval.")
-    found = minimize_scalar(lambda f: -z_squared(f * t)[0], bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-10})
+        raise ValueError(
+            f"no pulsation within {half_width:g} Hz of {near:g} Hz: Z^2 is largest at the end of the interval."
+        )
+    found = minimize_scalar(
+        lambda f: -z_squared(f * t)[0], bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-10}
+    )
     return float(found.x), float(-found.fun)
 
 
 def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) -> Timing:
     """Times of arrival of consecutive pieces from the phase of the fundamental at the best frequency of all photons.
 
-    t (n,) [s]; pieces of `piece` seconds are counted from the first photon, later photons dropped. Residuals are those of a linear fit.
+    t (n,) [s]; pieces of `piece` seconds are counted from the first photon, later photons dropped. Residuals are
+    those of a linear fit.
     Raises ValueError for fewer than three pieces and for a piece without photons.
     """
     if pieces < 3:
@@ -198,6 +223,7 @@ def read_par(path: str | os.PathLike) -> dict[str, str]:
 
 def par_direction(par: dict[str, str]) -> Array:
     """Unit vector (3,) to the pulsar of a .par file, from RAJ (hours) and DECJ (degrees)."""
+
     def sexagesimal(text: str) -> float:
         sign = -1.0 if text.strip().startswith("-") else 1.0
         whole, minutes, seconds = (abs(float(w)) for w in text.split(":"))

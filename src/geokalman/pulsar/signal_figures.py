@@ -31,15 +31,30 @@ def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], 
 
 
 def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Array) -> Figure:
-    """Errors of transition matrices over 500 s against the substep [s]: Markley's by block, the integrated one's block rv."""
+    """Errors of transition matrices over 500 s against the substep [s]: Markley's by block, the integrated one's
+    block rv."""
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     units = {"rr": "", "rv": " [s]", "vr": " [1/s]", "vv": ""}
     for (name, values), key in zip(markley.items(), ("ekf", "aekf1", "aekf2", "ukf"), strict=True):
         style = METHODS[key]
-        axes.loglog(steps, values, color=style.colour, linestyle=style.line, marker=style.marker or "o", label=f"Markley, {name}{units[name]}")
+        axes.loglog(
+            steps,
+            values,
+            color=style.colour,
+            linestyle=style.line,
+            marker=style.marker or "o",
+            label=f"Markley, {name}{units[name]}",
+        )
     axes.loglog(steps, integrated, color=METHODS["exact"].colour, linestyle=":", marker="x", label="integrated, rv [s]")
     axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--")
-    axes.annotate("warn", (100.0, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(2, -10), fontsize=8)
+    axes.annotate(
+        "warn",
+        (100.0, 1.0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        xytext=(2, -10),
+        fontsize=8,
+    )
     axes.set(xlabel="substep [s]", ylabel="largest error over 500 s")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
@@ -70,7 +85,9 @@ def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
         axes.loglog(durations, sigma[k], color=style.colour, linestyle=style.line, label=name)
     axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--")
     axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":")
-    axes.annotate("the paper's X error, 94.1 m", (durations[0], 94.1), textcoords="offset points", xytext=(0, -10), fontsize=8)
+    axes.annotate(
+        "the paper's X error, 94.1 m", (durations[0], 94.1), textcoords="offset points", xytext=(0, -10), fontsize=8
+    )
     axes.annotate("500 s", (500.0, sigma.min()), textcoords="offset points", xytext=(3, 0), fontsize=8)
     axes.set(xlabel="duration of an observation with 1 m² [s]", ylabel="accuracy of the range [m]")
     figure.legend(loc="outside upper center", ncols=4)
@@ -97,7 +114,9 @@ def orbit_scale(scales: Array, power: Array) -> Figure:
     figure, axes = plt.subplots(figsize=(7.2, 3.0))
     inside = scales[power > power.max() - 1.0]
     axes.plot(scales, power, color=METHODS["ekf"].colour)
-    axes.axvspan(inside.min(), inside.max(), color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum")
+    axes.axvspan(
+        inside.min(), inside.max(), color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum"
+    )
     axes.axvline(1.0, color=ink(), linewidth=0.8, linestyle="--", label="the true orbit")
     axes.set(xlabel="scale of the orbit of RXTE", ylabel="$Z_1^2$ of all photons")
     axes.legend()
@@ -107,13 +126,22 @@ def orbit_scale(scales: Array, power: Array) -> Figure:
 def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
     """Pulse profiles over two turns, each with the Poisson error of its bins; phases: title -> (n,) [cycles]."""
     figure, panels = plt.subplots(len(phases), 1, sharex=True, figsize=(7.2, 0.8 + 1.6 * len(phases)))
-    for panel, (title, phase), key in zip(np.atleast_1d(panels), phases.items(), ("ekf", "aekf1", "ukf", "aekf2"), strict=False):
+    for panel, (title, phase), key in zip(
+        np.atleast_1d(panels), phases.items(), ("ekf", "aekf1", "ukf", "aekf2"), strict=False
+    ):
         counts, _ = np.histogram(np.mod(phase, 1.0), bins, (0.0, 1.0))
         two = np.concatenate([counts, counts])
         edges = np.arange(2 * bins + 1) / bins
         style = METHODS[key]
         panel.stairs(two, edges, color=style.colour, linewidth=1.3)
-        panel.fill_between(np.repeat(edges, 2)[1:-1], np.repeat(two - np.sqrt(two), 2), np.repeat(two + np.sqrt(two), 2), color=style.colour, alpha=0.25, linewidth=0)
+        panel.fill_between(
+            np.repeat(edges, 2)[1:-1],
+            np.repeat(two - np.sqrt(two), 2),
+            np.repeat(two + np.sqrt(two), 2),
+            color=style.colour,
+            alpha=0.25,
+            linewidth=0,
+        )
         panel.set(ylabel="photons", title=title)
         panel.title.set_ha("left")
         panel.title.set_x(0.0)

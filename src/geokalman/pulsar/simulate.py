@@ -34,21 +34,25 @@ def initial_state(mission: Mission, gravity: GravityField) -> Array:
     """
     orbit = mission.orbit
     if orbit.a * (1.0 - orbit.e) <= gravity.radius:
-        raise ValueError(f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {gravity.radius / 1e3:g} km.")
+        raise ValueError(
+            f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {gravity.radius / 1e3:g} km."
+        )
     return kepler_to_state(orbit[:6], gravity.gm)
 
 
 def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: float = TRUTH_STEP) -> Flight:
     """The true orbit at every epoch of the mission, by Runge-Kutta steps of `step` seconds.
 
-    mismatch : lambda of the field that is true, 0 for J2 and 1 for the rich one. Raises ArithmeticError where it meets Mars.
+    mismatch : lambda of the field that is true, 0 for J2 and 1 for the rich one. Raises ArithmeticError where it
+    meets Mars.
     """
     force = rich_force(gravity, mission, mismatch)
     return fly_in(force, initial_state(mission, gravity), mission.t, step)
 
 
 def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
-    """The orbit from x0 at t = 0 in a given force, at times t (n,) [s] up to STEP apart, in Runge-Kutta steps of at most `step`."""
+    """The orbit from x0 at t = 0 in a given force, at times t (n,) [s] up to STEP apart, in Runge-Kutta steps of at
+    most `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
@@ -57,13 +61,20 @@ def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Fligh
 
 
 def observe(
-    flight: Flight, mission: Mission, preset: Preset, rng: np.random.Generator, outlier_fraction: float = 0.0,
-    outlier_size: float = 10.0, bias: Bias = "white",
+    flight: Flight,
+    mission: Mission,
+    preset: Preset,
+    rng: np.random.Generator,
+    outlier_fraction: float = 0.0,
+    outlier_size: float = 10.0,
+    bias: Bias = "white",
 ) -> Observations:
     """Ranges along the lines to the pulsars (11) with the errors of the experiment.
 
-    The draws are those of all seven pulsars, whatever is observed, in this order: range noise (n, 7); transfer noise (n, 7) where
-    bias is "white"; seven signs where it is "sign"; then, where there are outliers, mask, sign. `const` adds the transfer error
+    The draws are those of all seven pulsars, whatever is observed, in this order: range noise (n, 7); transfer
+    noise (n, 7) where
+    bias is "white"; seven signs where it is "sign"; then, where there are outliers, mask, sign. `const` adds the
+    transfer error
     as one constant, `none` leaves clock and transfer out. Outliers have `outlier_size` range sigmas.
     Raises ValueError for a fraction outside [0, 1].
     """
@@ -87,13 +98,17 @@ def observe(
 
 
 def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> Observations:
-    """The observations that one detector makes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the rest is NaN.
+    """The observations that one detector makes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the
+    rest is NaN.
 
-    order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar that is not there.
+    order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar
+    that is not there.
     """
     missing = [k for k in order if k - 1 not in columns]
     if missing or not order:
-        raise ValueError(f"order = {order}: pulsars {missing} are not observed; give some of {[c + 1 for c in columns]}.")
+        raise ValueError(
+            f"order = {order}: pulsars {missing} are not observed; give some of {[c + 1 for c in columns]}."
+        )
     z = np.full_like(data.z, np.nan)
     rows = np.arange(len(z))
     seen = np.array([columns.index(k - 1) for k in order])[rows % len(order)]
