@@ -39,6 +39,10 @@ METHODS: dict[str, Method] = {
     "prior": Method("#b34700", "#ff9b52", "--", "s", "a-priori orbit"),
     "batch": Method("#00795a", "#2fcf9f", "-", "o", "batch"),
     "naive": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "naive EKF"),
+    "aekf1": Method("#b34700", "#ff9b52", "-", "o", "AEKF1"),
+    "aekf2": Method("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
+    "raekf": Method("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
+    "rts": Method("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 

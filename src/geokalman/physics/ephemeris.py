@@ -1,6 +1,7 @@
 """Positions of the Sun, the Moon and the planets: the JPL ephemeris DE421, vendored for 2011 to 2019, or any SPK file.
 
-Folkner, Williams & Boggs (2009), IPN Progress Report 42-178. Axes are those of the ICRF, time is TDB. A planet with moons
+Folkner, Williams & Boggs (2009), IPN Progress Report 42-178. Axes are those of the ICRF, time is TDB. A planet with
+moons
 stands for its barycentre, except the Earth; in DE421 the centre of Mars is the barycentre of its system.
 """
 
@@ -50,8 +51,10 @@ class Ephemeris:
     def position(self, body: str, jd: ArrayLike, seconds: ArrayLike = 0.0, centre: str = "ssb") -> NDArray[np.float64]:
         """Geometric position of a body relative to a centre, ICRF axes [m].
 
-        jd : Julian date TDB; seconds : added to it, so that a long series keeps its microseconds; they broadcast to (...).
-        body, centre : names of `BODIES`. Returns (..., 3). Raises KeyError for another name, OutsideEphemeris for a time
+        jd : Julian date TDB; seconds : added to it, so that a long series keeps its microseconds; they
+        broadcast to (...).
+        body, centre : names of `BODIES`. Returns (..., 3). Raises KeyError for another name, OutsideEphemeris
+        for a time
         that is not covered.
         """
         return self._evaluate(body, centre, jd, seconds, False)
@@ -102,6 +105,8 @@ def _vendored() -> Ephemeris:
     with np.load(files.data_path(_VENDORED)) as data:
         segments = [
             Segment(int(target), int(centre), float(start), float(length), 1e3 * data[f"{target}"])
-            for target, centre, start, length in zip(data["target"], data["centre"], data["start"], data["length"], strict=True)
+            for target, centre, start, length in zip(
+                data["target"], data["centre"], data["start"], data["length"], strict=True
+            )
         ]
     return Ephemeris("DE421 (vendored excerpt)", tuple(segments))

@@ -1,7 +1,8 @@
 """Mars: orientation of its pole and prime meridian, equatorial and body-fixed frames, and its gravity field.
 
 Pole and prime meridian are those of the IAU (Seidelmann et al. 2002, as in NAIF's pck00010); an ephemeris such as DE421
-holds no orientation of Mars. ``R_ab`` takes components from frame b to frame a: icrf, smci (Mars equator of date, inertial,
+holds no orientation of Mars. ``R_ab`` takes components from frame b to frame a: icrf, smci (Mars equator of date,
+inertial,
 x axis at the node of the Mars equator on the Earth's), fixed (turning with Mars).
 """
 
@@ -68,7 +69,9 @@ def gravity(n_max: int | None = None, path: str | os.PathLike = "") -> GravityFi
 def checked(field: GravityField) -> GravityField:
     """The field, unless its constants are not those of Mars in SI units and full normalisation: then ValueError."""
     if abs(field.gm / _GM - 1.0) > 0.01:
-        raise ValueError(f"{field.name}: GM = {field.gm:g} is not that of Mars, {_GM:g} m^3/s^2; is it in km^3/s^2, or another body?")
+        raise ValueError(
+            f"{field.name}: GM = {field.gm:g} is not that of Mars, {_GM:g} m^3/s^2; is it in km^3/s^2, or another body?"
+        )
     if not 3.3e6 < field.radius < 3.5e6:
         raise ValueError(f"{field.name}: radius = {field.radius:g} is not that of Mars, {RADIUS:g} m; is it in km?")
     if abs(field.C[2, 0] / _C20 - 1.0) > 0.02:

@@ -10,6 +10,8 @@ import math
 import numpy as np
 from numba import njit
 
+from geokalman.physics.dop853 import FORCE
+
 
 @njit(cache=True)
 def j2_point(r: np.ndarray, gm: float, radius: float, j2: float, out: np.ndarray) -> None:
@@ -52,3 +54,11 @@ def j2_gradient_point(r: np.ndarray, gm: float, radius: float, j2: float, out: n
     out[2, 0] = out[0, 2]
     out[2, 1] = out[1, 2]
     out[2, 2] = g + z * (c2 * z + d)
+
+
+@njit(FORCE, cache=True)
+def oblate_force(t, y, params, acceleration):
+    """The same acceleration as a force for `orbit.integrate`, inertial axes of the equator; params = [gm, radius,
+    j2]."""
+    for b in range(y.size // 6):
+        j2_point(y[6 * b : 6 * b + 3], params[0], params[1], params[2], acceleration[3 * b : 3 * b + 3])

@@ -42,12 +42,17 @@ class Segment:
         return self.start + self.length * len(self.coefficients)
 
     def excerpt(self, begin: float, end: float) -> Segment:
-        """The records that cover begin to end [s TDB since J2000]; raises ValueError where the segment does not reach."""
+        """The records that cover begin to end [s TDB since J2000]; raises ValueError where the segment does not
+        reach."""
         if begin < self.start or end > self.end or not begin < end:
-            raise ValueError(f"{begin} to {end} s is not inside the segment of body {self.target}, {self.start} to {self.end} s.")
+            raise ValueError(
+                f"{begin} to {end} s is not inside the segment of body {self.target}, {self.start} to {self.end} s."
+            )
         first = int((begin - self.start) // self.length)
         last = min(int(np.ceil((end - self.start) / self.length)), len(self.coefficients))
-        return Segment(self.target, self.centre, self.start + first * self.length, self.length, self.coefficients[first:last])
+        return Segment(
+            self.target, self.centre, self.start + first * self.length, self.length, self.coefficients[first:last]
+        )
 
     def evaluate(self, seconds: NDArray[np.float64], derivative: bool = False) -> NDArray[np.float64]:
         """Position [m], or velocity [m/s], at (n,) times [s TDB since J2000] inside the segment: (n, 3)."""
@@ -84,8 +89,12 @@ def read_spk(path: str | os.PathLike) -> list[Segment]:
             summary = page[24 + k * width : 24 + (k + 1) * width]
             target, centre, frame, kind, first, last = struct.unpack(order + "6i", summary[8 * nd : 8 * nd + 24])
             if kind != 2 or frame != _J2000_FRAME:
-                raise SpkError(f"{path}: the segment of body {target} has type {kind} in frame {frame}; type 2 in frame 1 is read.")
-            words = np.frombuffer(data, order + "f8", last - first + 1, 8 * (first - 1)) if 8 * last <= len(data) else None
+                raise SpkError(
+                    f"{path}: the segment of body {target} has type {kind} in frame {frame}; type 2 in frame 1 is read."
+                )
+            words = (
+                np.frombuffer(data, order + "f8", last - first + 1, 8 * (first - 1)) if 8 * last <= len(data) else None
+            )
             if words is None:
                 raise SpkError(f"{path} is truncated: the segment of body {target} ends beyond the file.")
             start, length, size, records = words[-4:]

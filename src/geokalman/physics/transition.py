@@ -1,4 +1,5 @@
-"""Transition matrix of position and velocity over a short step, from gravity gradients: Markley's series, and integrated.
+"""Transition matrix of position and velocity over a short step, from gravity gradients: Markley's series, and
+integrated.
 
 Both need the gradient G = da/dr alone; the motion itself is integrated elsewhere.
 """
@@ -40,7 +41,8 @@ def markley_step(G0: np.ndarray, G1: np.ndarray, h: float, Phi: np.ndarray) -> N
 
 @njit(cache=True)
 def variational_step(G0: np.ndarray, G_mid: np.ndarray, G1: np.ndarray, h: float, Phi: np.ndarray) -> None:
-    """Transition matrix of [r, v] over a step by one Runge-Kutta step of Phi' = [[0, I], [G, 0]] Phi, written to Phi (6, 6).
+    """Transition matrix of [r, v] over a step by one Runge-Kutta step of Phi' = [[0, I], [G, 0]] Phi, written to
+    Phi (6, 6).
 
     G0, G_mid, G1 : (3, 3) gravity gradients at the start, the middle and the end [s^-2]; h [s]. Error O(h^5).
     """

@@ -1,6 +1,7 @@
 """Reading the binary tables of FITS files (event lists, satellite orbits), plain or gzipped.
 
-Only what photon files need: scalar columns of numbers and logicals, with TSCAL and TZERO. Source: FITS Standard 4.0, section 7.3.
+Only what photon files need: scalar columns of numbers and logicals, with TSCAL and TZERO. Source: FITS Standard 4.0,
+section 7.3.
 """
 
 from __future__ import annotations
@@ -16,7 +17,15 @@ from typing import Any
 import numpy as np
 
 _BLOCK = 2880
-_TYPES = {"L": ("i1", 1), "B": ("u1", 1), "I": (">i2", 2), "J": (">i4", 4), "K": (">i8", 8), "E": (">f4", 4), "D": (">f8", 8)}
+_TYPES = {
+    "L": ("i1", 1),
+    "B": ("u1", 1),
+    "I": (">i2", 2),
+    "J": (">i4", 4),
+    "K": (">i8", 8),
+    "E": (">f4", 4),
+    "D": (">f8", 8),
+}
 _BYTES = {"X": 1, "A": 1, "C": 8, "M": 16, "P": 8, "Q": 16}  # kinds that are skipped
 _FORM = re.compile(r"(\d*)([A-Z])")
 
@@ -114,6 +123,8 @@ def _columns(content: bytes, place: int, header: dict[str, Any], name: str) -> d
             raw = np.ascontiguousarray(page[:, offset : offset + size]).view(_TYPES[form[2]][0])[:, 0]
             scale, zero = header.get(f"TSCAL{k}", 1), header.get(f"TZERO{k}", 0)
             values = raw.astype(raw.dtype.newbyteorder("="))
-            columns[str(header.get(f"TTYPE{k}", k)).strip()] = values if (scale, zero) == (1, 0) else values * scale + zero
+            columns[str(header.get(f"TTYPE{k}", k)).strip()] = (
+                values if (scale, zero) == (1, 0) else values * scale + zero
+            )
         offset += count * size
     return columns
