@@ -135,11 +135,7 @@ def pieces(name: str, c: Table) -> list[slice]:
 
 
 def quality(name: str, c: Table, layout: Layout) -> None:
-    """Speed, the raw column, signs and sizes of the corrections, the datum of the height, aliasing.
-
-    Raises ValueError for all but aliasing, which is warned of: raise R then.
-    """
-    dt = (c["t"][-1] - c["t"][0]) / (len(c["t"]) - 1)
+    """Speed, the raw column, signs and sizes of the corrections, the datum of the height. Raises ValueError."""
     speed = np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() / (c["t"][-1] - c["t"][0])
     if not SLOWEST < speed < FASTEST:
         raise ValueError(
@@ -153,15 +149,6 @@ def quality(name: str, c: Table, layout: Layout) -> None:
                 f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal at {c['t'][k]:.2f} s (0.02 is rounding)."
             )
     _signs(name, c, layout)
-    acceleration = np.diff(c["height"], 2) / dt**2
-    along = np.corrcoef(_smooth(acceleration), _smooth(c["f3"][1:-1]))[0, 1]
-    if "a_up" not in c and along < ALIASED:
-        warnings.warn(
-            f"Line {name}: the specific force follows the height with a correlation of {along:.2f} only (below {ALIASED}); "
-            f"it is probably aliased at {1 / dt:g} Hz, so give the height a larger R.",
-            SuspiciousData,
-            stacklevel=2,
-        )
 
 
 def height_correlation(f3: np.ndarray, height: np.ndarray) -> float:

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from geokalman.airborne.model import Array, Line, Model, Tuning, build
+from geokalman.airborne.model import SHORTEST, Array, Line, Model, Tuning, build
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.information import smooth_two_filter
 from geokalman.kalman.linear import filter_linear
@@ -77,6 +77,8 @@ def run_smoother(line: Line, model: Model, course: Trajectory, smoother: Smoothe
 
 def estimate(line: Line, tuning: Tuning, smoother: Smoother = "rts") -> Estimate:
     """Forward filter and smoother of a line. Raises ValueError for a line that is too short, NotPositiveDefinite."""
+    if line.t[-1] - line.t[0] < SHORTEST - 1.0:
+        raise ValueError(f"Line {line.name} lasts {line.t[-1] - line.t[0]:.1f} s; at least {SHORTEST:g} s are needed.")
     model = build(line, tuning)
     course = run_filter(line, model)
     both = run_smoother(line, model, course, smoother)

@@ -84,7 +84,7 @@ class Tuning:
 _KAURING = Tuning(L_km=6.0, sigma_mgal=15.0, q_f=5.0, R_m=0.02, sd_dv=3.0, sd_dh=0.01, sd_k12=1e-5, sd_k3=3e-5)
 TUNINGS = {
     "paper_like": Tuning(),
-    "rough": Tuning(L_km=18.0, sigma_mgal=20.0, q_f=2.0),
+    "rough": Tuning(L_km=18.0, sigma_mgal=20.0, q_f=2.0, R_m=0.02),
     "matched": Tuning(L_km=12.0, sigma_mgal=20.0, q_f=8.0, R_m=0.02, sd_k3=3e-6),
     "kauring": _KAURING,
     "eastvic": Tuning(
@@ -212,12 +212,7 @@ def block(dt: float, beta: float, sigma: float, q_f: float) -> tuple[Array, Arra
 
 
 def build(line: Line, tuning: Tuning) -> Model:
-    """The model of a line, equations (10) to (15): states of zero prior variance are left out, the rest is scaled.
-
-    Raises ValueError for a line shorter than 240 s.
-    """
-    if line.t[-1] - line.t[0] < SHORTEST - 1.5 * line.dt:
-        raise ValueError(f"Line {line.name} lasts {line.t[-1] - line.t[0]:.1f} s; at least {SHORTEST:g} s are needed.")
+    """The model of a line, equations (10) to (15): states of zero prior variance are left out, the rest is scaled."""
     n, dt, beta = len(line.t), line.dt, tuning.beta(line.V)
     size = len(STATES)
     Phi, Q, P = np.zeros((n - 1, size, size)), np.zeros((size, size)), np.zeros((size, size))

@@ -5,6 +5,7 @@ To read a survey of one's own, describe its columns by a `Layout` and call `read
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -112,13 +113,15 @@ class Survey:
         return tuple(self[name] for name in names)
 
 
-def load(name: str = "kauring") -> Survey:
+def load(name: str = "kauring", shortest: float = SHORTEST) -> Survey:
     """A vendored survey: kauring (all 224 lines) or eastvic (ten passes of one line). Its checksum is verified."""
-    return survey(read_table(data_path(SURVEYS[name])), LAYOUTS[name])
+    return survey(read_table(data_path(SURVEYS[name])), LAYOUTS[name], shortest)
 
 
-def read_survey(path: Path | str, layout: Layout | str | None = None) -> Survey:
+def read_survey(path: Path | str, layout: Layout | str | None = None, shortest: float = SHORTEST) -> Survey:
     """Read a file of any format that `tables` knows; layout: a Layout, the name of one of LAYOUTS, None to find it.
+
+    Lines below `shortest` [s] are refused.
 
     Raises ValueError, one sentence, for what the checks refuse (see `checks`).
     """
@@ -131,11 +134,11 @@ def read_survey(path: Path | str, layout: Layout | str | None = None) -> Survey:
                 f"(the nearest lacks {', '.join(min((_missing(table, one) for one in LAYOUTS.values()), key=len))}); describe it by a Layout."
             )
         layout = fits[0]
-    return survey(table, LAYOUTS[layout] if isinstance(layout, str) else layout)
+    return survey(table, LAYOUTS[layout] if isinstance(layout, str) else layout, shortest)
 
 
-def survey(table: Table, layout: Layout) -> Survey:
-    """Flight lines from a table: checked, repaired where that is safe, split at gaps, short pieces refused."""
+def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
+    """Flight lines from a table: checked, repaired where that is safe, split at gaps; below `shortest` [s] refused."""
     lacking = _missing(table, layout)
     if lacking:
         raise ValueError(f"The table lacks the columns {', '.join(lacking)}; it has {', '.join(table)}.")
@@ -143,6 +146,7 @@ def survey(table: Table, layout: Layout) -> Survey:
     edges = np.flatnonzero(np.diff(labels) != 0) + 1
     flights: list[Flight] = []
     refused: list[str] = []
+    aliased: list[str] = []
     for rows in np.split(np.arange(len(labels)), edges):
         if not np.isfinite(labels[rows[0]]):
             raise ValueError(f"Row {rows[0] + 1} of the data carries no line number.")
@@ -158,13 +162,22 @@ def survey(table: Table, layout: Layout) -> Survey:
             label = name if len(pieces) == 1 else name + "abcdefghijklmnopqrstuvwxyz"[min(k, 25)]
             part = {key: values[piece] for key, values in columns.items()}
             lasts = part["t"][-1] - part["t"][0] if len(part["t"]) else 0.0
-            if lasts < SHORTEST - 1.0:
-                refused.append(f"line {label} lasts {lasts:.1f} s, at least {SHORTEST:g} s are needed")
+            if lasts < shortest - 1.0:
+                refused.append(f"line {label} lasts {lasts:.1f} s, at least {shortest:g} s are needed")
                 continue
             checks.quality(label, part, layout)
+            if "a_up" not in part and checks.height_correlation(part["f3"], part["height"]) < checks.ALIASED:
+                aliased.append(label)
             flights.append(_flight(label, part, {key: values[piece] for key, values in references.items()}, layout))
     if not flights:
         raise ValueError(f"No line can be used: {_some(refused)}.")
+    if aliased:
+        warnings.warn(
+            f"On {len(aliased)} of {len(flights)} lines ({_some(aliased)}) the specific force follows the height with a "
+            f"correlation below {checks.ALIASED}: it is probably aliased, so give the height a larger R.",
+            checks.SuspiciousData,
+            stacklevel=2,
+        )
     return Survey(tuple(flights), tuple(refused))
 
 
@@ -200,7 +213,7 @@ def _missing(table: Table, layout: Layout) -> list[str]:
 
 
 def _label(number: float) -> str:
-    return f"{number:.2f}".rstrip("0").rstrip(".")
+    return f"{number:.0f}" if number == round(number) else f"{number:.2f}"
 
 
 def _some(names: Sequence[str]) -> str:
