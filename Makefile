@@ -15,7 +15,7 @@ QUICK ?=
 OUT ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference run notebooks lab bench coverage lock clean
+.PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -52,11 +52,14 @@ lab: ## the notebooks in JupyterLab
 
 bench: ## speed, beside the peers; never a gate
 	@$(ENV) test
-	$(BIN)/python -m pytest tests/benchmarks -o python_files='bench_*.py' -s
+	@for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 coverage: ## how much of src the tests execute, with compilation off
 	@$(ENV) test
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+
+picture: env ## renew the README's picture from the built book
+	@$(BIN)/python tools/picture.py
 
 lock: ## compile the locks anew from environment*.in (needs uv)
 	sh tools/lock.sh $(UV)

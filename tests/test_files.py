@@ -16,7 +16,9 @@ def clone(tmp_path):
     (tmp_path / "data" / "natural_earth").mkdir(parents=True)
     (tmp_path / "data" / "toy.txt").write_text("toy")
     (tmp_path / "data" / "natural_earth" / "land.shp").write_text("land")
-    entries = {name: {"sha256": files.sha256(tmp_path / "data" / name)} for name in ("toy.txt", "natural_earth/land.shp")}
+    entries = {
+        name: {"sha256": files.sha256(tmp_path / "data" / name)} for name in ("toy.txt", "natural_earth/land.shp")
+    }
     entries["gone.txt"] = {"sha256": "0", "script": "data/scripts/make_gone.py"}
     (tmp_path / "data" / "registry.json").write_text(json.dumps(entries))
     return tmp_path
@@ -58,7 +60,9 @@ def test_a_changed_file_stops_with_both_checksums(clone):
     path = clone / "data" / "toy.txt"
     wanted = files.sha256(path)[:12]
     path.write_text("toy!")
-    with pytest.raises(files.CorruptedData, match=f"{files.sha256(path)[:12]}.*says {wanted}.*git checkout -- data/toy.txt"):
+    with pytest.raises(
+        files.CorruptedData, match=f"{files.sha256(path)[:12]}.*says {wanted}.*git checkout -- data/toy.txt"
+    ):
         files.data_path("toy.txt", clone)
 
 

@@ -173,6 +173,12 @@ def test_rows_of_weight_zero_are_no_observations():
     np.testing.assert_array_equal(normals.squares, normals_of(A[30:], y[30:], w[30:]).squares)
 
 
+def spoilt(values, row, value):
+    values = values.copy()
+    values[row] = value
+    return values
+
+
 NAMES = [f"C_{n}_{m}" for n in (2, 3, 4) for m in range(3)]
 
 
@@ -225,13 +231,13 @@ def test_nearly_singular_matrices_are_refused_from_n_eps_on():
     [
         (lambda N, A, y: N.add(A[:, :8], y), r"shape \(60, 8\); \(k, 9\) is right"),
         (lambda N, A, y: N.add(A, y[:, :2]), r"shape \(60, 2\); \(60, 3\) is right"),
-        (lambda N, A, y: N.add(np.where(np.arange(60)[:, None] == 17, np.nan, A), y), "Row 17 of the design matrix .* not finite"),
-        (lambda N, A, y: N.add(A, np.where(np.arange(60)[:, None] == 4, np.inf, y)), "Row 4 of the right-hand side .* not finite"),
+        (lambda N, A, y: N.add(spoilt(A, 17, np.nan), y), "Row 17 of the design matrix of a block is not finite"),
+        (lambda N, A, y: N.add(A, spoilt(y, 4, np.inf)), "Row 4 of the right-hand side of a block is not finite"),
         (lambda N, A, y: N.add(A, y, -np.ones(60)), r"weights\[0\] = -1.0 must be finite and not negative"),
         (lambda N, A, y: N.add(A, y, np.ones(59)), r"weights has shape \(59,\); a scalar or \(60,\), one per row"),
         (lambda N, A, y: N.regularise(np.ones(8)), r"a scalar or \(9,\), one per unknown"),
-        (lambda N, A, y: N.regularise(1.0, np.where(np.arange(9) == 3, np.nan, 0.0)), r"The prior of x\[3\] is not finite"),
-        (lambda N, A, y: N.__iadd__(NormalEquations(8, 3)), "9 unknowns and 3 right-hand sides do not add to those of 8 and 3"),
+        (lambda N, A, y: N.regularise(1.0, spoilt(np.zeros(9), 3, np.nan)), r"The prior of x\[3\] is not finite"),
+        (lambda N, A, y: N.__iadd__(NormalEquations(8, 3)), "9 unknowns and 3 .* do not add to those of 8 and 3"),
         (lambda N, A, y: N.__iadd__(NormalEquations(9, 3, NAMES)), "other names"),
         (lambda N, A, y: NormalEquations(0), "at least 1 unknown"),
         (lambda N, A, y: NormalEquations(3, names=["a"]), "1 names for 3 unknowns"),
@@ -241,6 +247,18 @@ def test_what_does_not_fit_is_refused(call, says):
     A, y, _ = problem()
     with pytest.raises(ValueError, match=says):
         call(NormalEquations(9, 3), A, y)
+
+
+def test_matrices_of_several_tiles():
+    A, y, _ = problem(rows=700, n=600, q=1)
+    solution = normals_of(A, y, step=256).factor()
+    inverse = np.linalg.inv(A.T @ A)
+    np.testing.assert_allclose(solution.covariance(), inverse, rtol=0, atol=1e-9 * np.abs(inverse).max())
+    values = np.linalg.eigvalsh(np.triu(solution.factor, 1) + np.triu(solution.factor, 1).T + np.eye(600))
+    assert solution.condition() == pytest.approx(values[-1] / values[0], rel=1e-5)
+    A[:, 599] = A[:, 7]
+    with pytest.raises(SingularNormalMatrix, match=r"2 of 600 unknowns: x\[7\], x\[599\]"):
+        normals_of(A, y).factor()
 
 
 def test_without_redundancy_there_is_no_variance():

@@ -11,6 +11,10 @@ from pathlib import Path
 _PARTS = ("tex-chtml.js", "output/chtml/fonts/woff-v2", "input/tex/extensions", "a11y", "sre/mathmaps/base.json",
           "sre/mathmaps/en.json")  # fmt: skip
 _PRELOADED_FONT = re.compile(r'^\s*<link rel="preload" as="font".*>\n', re.M)  # blocked over file://, and not needed
+_MENDED = (  # what the theme leaves without a name or with a role of old
+    ('<summary><span class="toctree-toggle"', '<summary aria-label="Show or hide sections"><span class="toctree-toggle"'),
+    ('role="doc-biblioentry"', 'role="listitem"'),
+)
 _UNWANTED = ("://", "thebe", "require.min.js")
 
 
@@ -39,12 +43,14 @@ def _unwanted(item) -> bool:
 
 
 def tidy_pages(app, exception) -> None:
-    """Take the preloading of fonts out of the finished pages, and the maps that only serve debugging of the theme."""
+    """Take the preloading of fonts out of the finished pages, mend roles and names, and drop the theme's debugging maps."""
     if exception or app.builder.format != "html":
         return
     for page in Path(app.outdir).rglob("*.html"):
-        text = page.read_text(encoding="utf-8")
-        page.write_text(_PRELOADED_FONT.sub("", text), encoding="utf-8")
+        text = _PRELOADED_FONT.sub("", page.read_text(encoding="utf-8"))
+        for old, new in _MENDED:
+            text = text.replace(old, new)
+        page.write_text(text, encoding="utf-8")
     for unused in (Path(app.outdir) / "_static").rglob("*.map"):
         unused.unlink()
 

@@ -26,7 +26,9 @@ def wheel(package: str, version: str, sha256: str, given: str | None = None) -> 
         content = path.read_bytes()
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
-        raise SystemExit(f"{path.name} has SHA-256 {found}, not {sha256}: not the {package} {version} we vendored from.")
+        raise SystemExit(
+            f"{path.name} has SHA-256 {found}, not {sha256}: not the {package} {version} we vendored from."
+        )
     return zipfile.ZipFile(io.BytesIO(content))
 
 

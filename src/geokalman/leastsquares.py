@@ -174,7 +174,9 @@ class NormalEquations:
         if info > 0 or matrix.diagonal().min() ** 2 < self.n * np.finfo(float).eps:
             np.fill_diagonal(matrix, 1.0)  # the strict upper triangle still holds the scaled matrix
             open_ = self._list(_undetermined(matrix))
-            raise SingularNormalMatrix(f"The observations leave undetermined, or cannot tell from one another, {open_}.")
+            raise SingularNormalMatrix(
+                f"The observations leave undetermined, or cannot tell from one another, {open_}."
+            )
         return Solution(matrix, scale, self.rhs, self.squares, self.observations)
 
     def _accumulate(self, A: Array, y: Array) -> None:
@@ -215,8 +217,8 @@ class NormalEquations:
 class Solution:
     """Solved normal equations: estimates of all right-hand sides, and what the factor tells about their accuracy.
 
-    The scaled matrix D N D = L L^T, D = diag(N)^(-1/2), has L in the lower triangle of `factor` and itself in the strict
-    upper one. `estimate` (n, q) is the solution of N x = b.
+    The scaled matrix D N D = L L^T, D = diag(N)^(-1/2), has L in the lower triangle of `factor` and itself in the
+    strict upper one. `estimate` (n, q) is the solution of N x = b.
     """
 
     factor: Array = field(repr=False)
@@ -243,7 +245,7 @@ class Solution:
 
     @property
     def residual_sum_of_squares(self) -> Array:
-        """v^T W v = y^T W y - x^T b of each right-hand side (q,); below about 1e-13 y^T W y it is rounding, at least 0."""
+        """v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0; below 1e-13 y^T W y it is rounding."""
         return np.maximum(self.squares - np.einsum("nq,nq->q", self.estimate, self.rhs), 0.0)
 
     @property
@@ -253,11 +255,13 @@ class Solution:
         Raises ValueError where there is no redundancy.
         """
         if self.observations == self.unknowns:
-            raise ValueError(f"{self.observations} observations of as many unknowns leave no redundancy for a variance.")
+            raise ValueError(
+                f"{self.observations} observations of as many unknowns leave no redundancy for a variance."
+            )
         return self.residual_sum_of_squares / (self.observations - self.unknowns)
 
     def covariance(self) -> Array:
-        """N^-1 (n, n), the covariance of the unknowns for unit weight 1; times the variance factor for the fitted one."""
+        """N^-1 (n, n), the covariance of the unknowns for variance factor 1."""
         inverse, _ = lapack.dpotri(self.factor, lower=1)
         _mirror(inverse)
         inverse *= self.scale
@@ -293,7 +297,7 @@ def sum_normals(
     executor: Executor | None = None,
     at_once: int | None = None,
 ) -> NormalEquations:
-    """Sum of the normal equations of arcs, built here or by the workers of an executor, always added in the order of arcs.
+    """Sum of the normal equations of arcs, built here or by an executor's workers, always added in the order of arcs.
 
     Parameters
     ----------
@@ -312,7 +316,9 @@ def sum_normals(
         Where there is no arc; and whatever `build` raises.
     """
     total: NormalEquations | None = None
-    for part in map(build, arcs) if executor is None else _in_order(build, arcs, executor, at_once or os.cpu_count() or 1):
+    for part in (
+        map(build, arcs) if executor is None else _in_order(build, arcs, executor, at_once or os.cpu_count() or 1)
+    ):
         if total is None:
             total = part
         else:
@@ -360,7 +366,7 @@ def _mirror(matrix: Array) -> None:
 
 
 def _undetermined(matrix: Array) -> NDArray[np.int64]:
-    """Indices of the unknowns in the null space of a scaled normal matrix (upper triangle, unit diagonal; destroyed)."""
+    """Indices of the unknowns in the null space of a scaled normal matrix (upper triangle; it is destroyed)."""
     n = matrix.shape[0]
     factor, pivots, rank, _ = lapack.dpstrf(matrix, tol=n * np.finfo(float).eps, lower=0, overwrite_a=1)
     rank = min(rank, n - 1)

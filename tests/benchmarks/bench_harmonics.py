@@ -1,6 +1,6 @@
 """Benchmark of grid synthesis and normal equations; minima, with peers in the same run, never a gate.
 
-    python tests/benchmarks/bench_harmonics.py [--big]
+python tests/benchmarks/bench_harmonics.py [--big]
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ def bench_synthesis(n_max: int) -> None:
         coefficients = pyharm.shc.Shc.from_arrays(n_max, field.C[n, m], field.S[n, m], 1.0, 1.0)
         grid = pyharm.crd.PointGrid.from_arrays(lat, lon, np.ones(lat.size))
         works.append(lambda: pyharm.shs.point(grid, coefficients, n_max))
-    times = "   ".join(f"{name} {1e3 * t:.2f} ms" for name, t in zip(("geokalman", "pyharm"), best(*works), strict=False))
+    times = "   ".join(
+        f"{name} {1e3 * t:.2f} ms" for name, t in zip(("geokalman", "pyharm"), best(*works), strict=False)
+    )
     print(f"synthesis 0.5 deg, degree {n_max}: {times}")
 
 

@@ -132,7 +132,10 @@ def run(folder: Path) -> None:
     np.savetxt(folder / "figures" / "wave.csv", np.column_stack([x, np.sin(x)]), delimiter=",", header="t_s,h_m")
     (folder / "tables" / "rms.csv").write_text("method,rms / m\nUKF,0.7\nEKF,0.8\n")
     (folder / "tables" / "verdicts.csv").write_text("claim,verdict\na,calibrated\n")
-    (folder / "metrics.json").write_text(json.dumps({"wave.rms": {"value": 0.70711, "unit": "m"}}))
+    metrics = folder.parents[2] / "metrics" / f"{PAGE}.json"
+    metrics.parent.mkdir(parents=True, exist_ok=True)
+    for path in (folder / "metrics.json", metrics):
+        path.write_text(json.dumps({"wave.rms": {"value": 0.70711, "unit": "m"}}))
     (folder / "provenance.json").write_text(
         json.dumps(_PROVENANCE)
     )
@@ -143,7 +146,7 @@ def notebook() -> nbformat.NotebookNode:
     """The executed notebook of the toy page."""
     new = nbformat.v4
     figure = {
-        "name": "wave", "caption": "A wave of height $h$.", "alt": "A sine of five periods", "width": 720,
+        "name": "wave", "caption": "A wave of height $h$.", "alt": 'A "sine": 100 % of #1 [five] periods', "width": 720,
         "files": {"light": "figures/wave.light.png", "dark": "figures/wave.dark.png", "csv": "figures/wave.csv"},
         "data_every": 2,
     }  # fmt: skip
@@ -152,8 +155,8 @@ def notebook() -> nbformat.NotebookNode:
         "rows": [["UKF", "0.7"], ["EKF", "0.8 | 0.9"]], "files": {"csv": "tables/rms.csv"},
     }  # fmt: skip
     verdicts = {
-        "name": "verdicts", "caption": "Claims.", "header": ["claim", "verdict"], "align": ["left", "left"],
-        "rows": [["a", "calibrated"]], "files": {"csv": "tables/verdicts.csv"},
+        "name": "verdicts", "caption": "Claims.", "header": ["The paper says", "Ours", "Verdict", "Why"],
+        "align": ["left"] * 4, "rows": [["Fig. 1: a", "1.2 × 10⁻³", "calibrated", "a was tuned"]], "files": {"csv": "tables/verdicts.csv"},
     }  # fmt: skip
 
     def code(source: str, *data: dict, tags: tuple[str, ...] = ()) -> nbformat.NotebookNode:
@@ -170,8 +173,11 @@ def notebook() -> nbformat.NotebookNode:
         code("nb.table('rms', rows)", {TABLE_TYPE: table, "text/html": "<table>"}),
         code("print('x' * 200)"),
         code("nb.verdicts()", {TABLE_TYPE: verdicts}),
-        code("nb.finish()"),
+        code("print('the end')\nnb.finish()"),
     ]
     cells[-3].outputs = [new.new_output("stream", name="stdout", text="x" * 200 + "\n")]
+    cells[-1].outputs = [new.new_output("stream", name="stdout", text="the end\nRecorded 1 numbers.\n")]
+    for number, cell in enumerate(cells):
+        cell["id"] = f"toy-{number}"
     metadata = {"kernelspec": {"name": "python3", "display_name": "Python 3", "language": "python"}}
     return new.new_notebook(cells=cells, metadata=metadata)

@@ -122,13 +122,17 @@ def test_bounds_are_the_quantiles():
 
 def test_whiteness_is_ljung_box():
     from statsmodels.stats.diagnostic import acorr_ljungbox
+    from statsmodels.tsa.stattools import acf
 
     rng = np.random.default_rng(4)
     w = np.convolve(rng.standard_normal(400), [1.0, 0.15], "valid")
     w -= w.mean()  # statsmodels takes the mean off, which we know to be zero
     theirs = acorr_ljungbox(w, lags=[8])
     ours = whiteness(w[:, None], 8)
-    assert ours.statistic == pytest.approx(theirs["lb_stat"].iloc[0], rel=0.02)  # pairs are divided by their number here
+    np.testing.assert_allclose(
+        ours.autocorrelation[:, 0] * (1 - np.arange(1, 9) / len(w)), acf(w, nlags=8)[1:], atol=1e-13
+    )
+    assert ours.statistic == pytest.approx(theirs["lb_stat"].iloc[0], rel=1e-12)
     assert ours.dof == 8
     assert ours.p_value == pytest.approx(chi2.sf(ours.statistic, 8), rel=1e-10)
     both = whiteness(np.column_stack([w, w]), 8)

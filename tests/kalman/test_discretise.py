@@ -13,7 +13,7 @@ from geokalman.kalman import gauss_markov, integrated_white_noise, van_loan, whi
 def quadrature(F, W, h):
     """Q_d of grace-fusion (15) by adaptive quadrature, each element to 1e-12 of its own size."""
     F, W = np.asarray(F, dtype=float), np.asarray(W, dtype=float)
-    integrand = lambda s: expm(F * s) @ W @ expm(F * s).T  # noqa: E731
+    integrand = lambda s: expm(F * s) @ W @ expm(F * s).T
     scale = np.abs(quad_vec(integrand, 0.0, h)[0])
     scale[scale == 0.0] = 1.0
     return quad_vec(lambda s: integrand(s) / scale, 0.0, h, epsabs=1e-13, epsrel=1e-13)[0] * scale
@@ -38,7 +38,7 @@ def test_white_jerk_is_the_printed_matrix():
     """grace-fusion (50), (51)."""
     h, q = 30.0, 1.74897e-10
     Phi, Q = white_jerk(h, q)
-    I = np.eye(3)  # noqa: E741
+    I = np.eye(3)
     np.testing.assert_allclose(Phi, np.block([[I, h * I, h**2 / 2 * I], [0 * I, I, h * I], [0 * I, 0 * I, I]]))
     printed = [[h**5 / 20, h**4 / 8, h**3 / 6], [h**4 / 8, h**3 / 3, h**2 / 2], [h**3 / 6, h**2 / 2, h]]
     np.testing.assert_allclose(Q, q * np.kron(printed, I), rtol=1e-14)
@@ -57,7 +57,7 @@ def test_van_loan_of_a_coupled_system_is_the_integral():
 def test_van_loan_of_a_gauss_markov_process_over_any_step(ratio):
     """exp(-F h) in van Loan's block would overflow near ratio 700 and lose Q long before."""
     tau, sigma = 300.0, 2.0
-    Phi, Q = gauss_markov(ratio * tau, tau, sigma)
+    _, Q = gauss_markov(ratio * tau, tau, sigma)
     ours = van_loan([[-1.0 / tau]], [[2.0 * sigma**2 / tau]], ratio * tau)
     assert ours[0][0, 0] == pytest.approx(np.exp(-ratio), rel=1e-11, abs=1e-300)
     assert ours[1][0, 0] == pytest.approx(Q[0, 0], rel=1e-12)
@@ -68,7 +68,11 @@ def test_van_loan_of_a_gauss_markov_process_over_any_step(ratio):
 def test_gauss_markov_is_stationary_with_the_asked_sigma(order):
     """The stationary covariance solves P = Phi P Phi' + Q and starts with sigma^2, whatever the step."""
     tau, sigma, beta = 250.0, 3.0, 1.0 / 250.0
-    F = {1: [[-beta]], 2: [[0, 1], [-(beta**2), -2 * beta]], 3: [[0, 1, 0], [0, 0, 1], [-(beta**3), -3 * beta**2, -3 * beta]]}
+    F = {
+        1: [[-beta]],
+        2: [[0, 1], [-(beta**2), -2 * beta]],
+        3: [[0, 1, 0], [0, 0, 1], [-(beta**3), -3 * beta**2, -3 * beta]],
+    }
     density = {1: 2 * beta, 2: 4 * beta**3, 3: 16 / 3 * beta**5}[order] * sigma**2  # Gelb (1974), table 2.2-1
     W = np.diag(np.r_[np.zeros(order - 1), density])
     F = np.array(F[order], dtype=float)

@@ -37,8 +37,8 @@ def test_is_the_linear_filter_on_a_linear_problem(problem, close):
 def test_two_sensors_in_turn_are_one_vector_on_a_linear_problem(problem, close):
     p = problem
     R = np.array([np.kron(np.eye(2), [[0.3, 0.1], [0.1, 0.2]])] * len(p.t))
-    H = lambda rows: lambda x, t: p.H[index(p.t, t)][rows]  # noqa: E731
-    h = lambda rows: lambda x, t: p.H[index(p.t, t)][rows] @ x  # noqa: E731
+    H = lambda rows: lambda x, t: p.H[index(p.t, t)][rows]
+    h = lambda rows: lambda x, t: p.H[index(p.t, t)][rows] @ x
     parts = [Sensor(p.z[:, s], R[:, s, s], h(s), H(s)) for s in (slice(0, 2), slice(2, 4))]
     ours, ref = linear_run(p, parts), filter_linear(p.prior, p.t, p.z, p.H, R, p.transition)
     close(ours.mean, ours.cov, ref.mean, ref.cov, 1e-10)
@@ -60,8 +60,8 @@ def test_single_steps_are_the_run(problem):
 def test_finds_a_position_from_ranges():
     """Three ranges fix a point: repeated updates without noise of the state converge to it."""
     stations, truth = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]]), np.array([30.0, 40.0])
-    h = lambda x, t: np.linalg.norm(x - stations, axis=1)  # noqa: E731
-    H = lambda x, t: (x - stations) / h(x, t)[:, None]  # noqa: E731
+    h = lambda x, t: np.linalg.norm(x - stations, axis=1)
+    H = lambda x, t: (x - stations) / h(x, t)[:, None]
     z = np.tile(h(truth, 0.0), (50, 1))
     run = filter_extended(
         gaussian([20.0, 50.0], [100.0, 100.0]),
@@ -80,7 +80,7 @@ def test_wrong_input_is_named():
     f, F = (lambda x, t0, t1: x), (lambda x, t0, t1: np.eye(1))
     h, H = (lambda x, t: x), (lambda x, t: np.eye(1))
     z = [[1.0], [1.0]]
-    run = lambda **new: filter_extended(  # noqa: E731
+    run = lambda **new: filter_extended(
         **{"prior": prior, "t": [0.0, 1.0], "f": f, "F": F, "Q": Q, "sensors": [Sensor(z, Q, h, H)], **new}
     )
     assert len(run()) == 2

@@ -140,7 +140,7 @@ def test_compiled_loop_equals_plain_python(problem, sequential, monkeypatch):
     run = filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition, sequential)
     kernels = {
         linear: ("predict_step", "scalar_update_step", "update_step", "whiten", "observed_update_step")
-        + ("_sequential_component", "cholesky_upper", "solve_lower", "solve_upper", "symmetrise"),
+        + ("_sequential_component", "copy_state", "cholesky_upper", "solve_lower", "solve_upper", "symmetrise"),
         dense: ("symmetrise",),
     }
     for module, names in kernels.items():
@@ -169,7 +169,9 @@ def test_update_step_of_one_row_is_the_scalar_step(problem):
 def test_axes_of_a_position_only_filter_decouple():
     rng = np.random.default_rng(5)
     t, z = np.arange(40) * 30.0, rng.standard_normal((40, 3))
-    full = filter_linear(gaussian(np.zeros(9), np.ones(9)), t, z, np.eye(3, 9), 1e-2 * np.eye(3), white_jerk(30.0, 1e-8))
+    full = filter_linear(
+        gaussian(np.zeros(9), np.ones(9)), t, z, np.eye(3, 9), 1e-2 * np.eye(3), white_jerk(30.0, 1e-8)
+    )
     for axis in range(3):
         one = filter_linear(
             gaussian(np.zeros(3), np.ones(3)), t, z[:, [axis]], np.eye(1, 3), [[1e-2]], white_jerk(30.0, 1e-8, 1)
@@ -189,9 +191,7 @@ def test_innovation_covariance_that_is_not_positive_names_the_epoch():
     steps = (np.eye(2), np.zeros((2, 2)))
     for sequential in (True, False):
         with pytest.raises(NotPositiveDefinite, match=r"innovation covariance .* at epoch 2 \(t = 20 s\)") as error:
-            filter_linear(
-                prior, [0, 10, 20], [[np.nan], [np.nan], [1.0]], [[0.0, 1.0]], [[0.0]], steps, sequential
-            )
+            filter_linear(prior, [0, 10, 20], [[np.nan], [np.nan], [1.0]], [[0.0, 1.0]], [[0.0]], steps, sequential)
         assert error.value.epoch == 2 and error.value.matrix == "innovation covariance" and error.value.t == 20.0
 
 
@@ -202,6 +202,14 @@ def test_correlated_noise_without_full_rank_cannot_be_decorrelated():
         linear.update(prior, [0.0, 0.0], np.eye(2), R, sequential=True)
     joint, _ = linear.update(prior, [0.0, 0.0], np.eye(2), R)  # the joint update needs no inverse of R
     np.testing.assert_allclose(joint.cov, 1.0 / 3.0, rtol=1e-15)  # x1 - x2 is known without error
+
+
+def test_kernel_returns_where_the_innovation_covariance_fails():
+    """The status of a kernel fed with a broken covariance, in each of its three ways."""
+    x, w, diagonal, full = np.zeros(2), np.empty(2), np.eye(2), np.array([[1.0, 0.5], [0.5, 1.0]])
+    for R, sequential in ((diagonal, True), (full, True), (full, False)):
+        P = np.diag([1.0, -4.0])
+        assert observed_update_step(x.copy(), P, x, np.eye(2), R, sequential, w) == 2
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_failing_updates_leave_the_state_alone():
 
 def test_wrong_input_is_named():
     prior, Q = gaussian([1.0], [1.0]), np.eye(1)
-    run = lambda **new: filter_unscented(  # noqa: E731
+    run = lambda **new: filter_unscented(
         **{
             "prior": prior,
             "t": [0.0, 1.0],
@@ -227,3 +227,62 @@ def test_wrong_input_is_named():
         run(**still, sensors=gap)
     with pytest.raises(NotPositiveDefinite, match=r"innovation covariance .* at epoch 1 \(t = 1 s\)"):
         run(sensors=[Sensor([[np.nan], [1.0]], [[0.0]], lambda x, t: np.zeros(1))])
+
+
+@pytest.mark.parametrize("scaling", [(1.0, 0.0, 2.0), (0.5, 2.0, 1.0)])
+def test_smoother_of_a_pendulum_is_sarkkas(scaling):
+    """Sarkka (2008), eqs. 22-25, transcribed: C = sum Wc (chi - x)(f(chi) - x_predicted)', G = C (P_predicted)^-1."""
+    rng = np.random.default_rng(21)
+    t = np.cumsum(rng.uniform(0.05, 0.2, 30))
+
+    def swing(x, t0, t1):
+        return np.array([x[0] + (t1 - t0) * x[1], x[1] - 9.81 * (t1 - t0) * np.sin(x[0])])
+
+    z = np.sin(1.5 * np.cos(3.0 * t))[:, None] + 0.1 * rng.standard_normal((30, 1))
+    z[10:14] = np.nan
+    run = filter_unscented(
+        gaussian([1.6, 0.0], [0.1, 0.1]),
+        t,
+        swing,
+        lambda t0, t1: 0.01 * (t1 - t0) * np.eye(2),
+        [Sensor(z, [[0.01]], lambda x, now: np.sin(x[:1]))],
+        *scaling,
+    )
+    ours = smooth(run)
+    Wm, Wc = weights(2, *scaling)
+    mean, cov = run.mean[-1], run.cov[-1]
+    for k in range(28, -1, -1):
+        chi = sigma_points(run[k], *scaling)
+        image = np.array([swing(point, t[k], t[k + 1]) for point in chi])
+        predicted = Wm @ image
+        P = (Wc[:, None] * (image - predicted)).T @ (image - predicted) + 0.01 * (t[k + 1] - t[k]) * np.eye(2)
+        np.testing.assert_allclose(run.predicted_cov[k + 1], P, rtol=1e-9)
+        G = (Wc[:, None] * (chi - run.mean[k])).T @ (image - predicted) @ np.linalg.inv(P)
+        mean = run.mean[k] + G @ (mean - predicted)
+        cov = run.cov[k] + G @ (cov - P) @ G.T
+        np.testing.assert_allclose(ours.mean[k], mean, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(ours.cov[k], cov, rtol=1e-8, atol=1e-11)
+
+
+def test_range_rate_update_is_that_of_the_extended_filter_where_the_state_is_known_well():
+    """With sigmas of a millimetre at 200 km, second derivatives matter less than rounding."""
+    from geokalman.kalman import extended
+
+    x = np.array([2.0e5, -4.0e4, 6.0e4, 10.0, 200.0, -35.0])
+    A = np.random.default_rng(3).standard_normal((6, 6))
+    scale = np.repeat([1e-3, 1e-4], 3)
+    prior = gaussian(x, (A @ A.T + np.eye(6)) * scale[:, None] * scale)
+
+    def rate(s):
+        return np.array([s[:3] @ s[3:] / np.linalg.norm(s[:3])])
+
+    rho = np.linalg.norm(x[:3])
+    e = x[:3] / rho
+    H = np.r_[(x[3:] - rate(x) * e) / rho, e][None]
+    z = rate(x) + 1e-4
+    ukf, w1 = unscented.update(prior, z, rate, [[9e-8]], 1.0, 0.0, 2.0)
+    ekf, w2 = extended.update(prior, z, rate(x), H, [[9e-8]])
+    sigma = np.sqrt(np.diag(ekf.cov))
+    np.testing.assert_allclose((ukf.mean - ekf.mean) / sigma, 0.0, atol=1e-6)
+    np.testing.assert_allclose((ukf.cov - ekf.cov) / sigma[:, None] / sigma, 0.0, atol=1e-6)
+    np.testing.assert_allclose(w1.whitened, w2.whitened, atol=1e-6)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman.physics.frames import enu_from_ecef
-from geokalman.physics.gravity import acceleration, monic_factors
+from geokalman.physics.gravity import acceleration
 from geokalman.physics.harmonics import GravityField, load_field
 from geokalman.physics.partials import (
     column_count,
@@ -12,6 +12,7 @@ from geokalman.physics.partials import (
     design_block,
     design_row,
     from_vector,
+    row_table,
     to_vector,
 )
 
@@ -93,7 +94,8 @@ def test_equation_49_as_printed():
         e_e, e_n, e_u = enu_from_ecef(r) @ e
         row = []
         for kind, n, m in column_names(n_max):
-            sign = (-1) ** m * np.sqrt(2 * (2 - (m == 0)))  # scipy: Condon-Shortley phase, norm 1 instead of 2 (2 - d_m0)
+            # scipy has the Condon-Shortley phase and the norm 1 instead of 2 (2 - delta_m0)
+            sign = (-1) ** m * np.sqrt(2 * (2 - (m == 0)))
             p, slope = sign * P[n, m], sign * dP[n, m] * np.cos(phi)
             cos, sin = np.cos(m * lam), np.sin(m * lam)
             f, df = (cos, -m * sin) if kind == "C" else (sin, m * cos)
@@ -106,10 +108,10 @@ def test_equation_49_as_printed():
 
 def test_compiled_row_equals_python():
     rA, rB, e = (x[0] for x in pairs(1, 4))
-    factors = monic_factors(5)
-    compiled, plain = np.empty(column_count(5)), np.empty(column_count(5))
-    design_row(rA, rB, e, 4e14, 6.4e6, factors, compiled)
-    getattr(design_row, "py_func", design_row)(rA, rB, e, 4e14, 6.4e6, factors, plain)
+    table = row_table(9)
+    compiled, plain = np.empty(column_count(9)), np.empty(column_count(9))
+    design_row(rA, rB, e, 4e14, 6.4e6, 9, table, compiled)
+    getattr(design_row, "py_func", design_row)(rA, rB, e, 4e14, 6.4e6, 9, table, plain)
     np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-13)
 
 

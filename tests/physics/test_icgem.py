@@ -40,7 +40,13 @@ def test_header_and_coefficients(tmp_path):
 
 def test_alternative_keyword_gzip_blank_lines_and_absent_degree_zero(tmp_path):
     rows = ["", *ROWS[1:], "  "]
-    header = {"earth_gravity_constant": None, "gravity_constant": "4e14", "modelname": None, "errors": None, "norm": None}
+    header = {
+        "earth_gravity_constant": None,
+        "gravity_constant": "4e14",
+        "modelname": None,
+        "errors": None,
+        "norm": None,
+    }
     field = read_gfc(gfc(tmp_path, rows, name="toy.gfc.gz", **header))
     assert field.gm == 4e14 and field.name == "toy" and field.C[0, 0] == 1.0
 
@@ -52,13 +58,21 @@ def test_words_before_begin_of_head_do_not_count(tmp_path):
 
 @pytest.mark.parametrize(
     ("written", "value"),
-    [("-0.48D-03", -4.8e-4), ("-.48d-3", -4.8e-4), ("-0.48E-003", -4.8e-4), ("-4.8-104", -4.8e-104), ("1.5+100", 1.5e100)],
+    [
+        ("-0.48D-03", -4.8e-4),
+        ("-.48d-3", -4.8e-4),
+        ("-0.48E-003", -4.8e-4),
+        ("-4.8-104", -4.8e-104),
+        ("1.5+100", 1.5e100),
+    ],
 )
 def test_numbers_as_fortran_writes_them(tmp_path, written, value):
     assert read_gfc(gfc(tmp_path, [f"gfc 2 0 {written} 0.0D0", *ROWS[2:]])).C[2, 0] == value
 
 
-@pytest.mark.parametrize(("word", "system"), [("zero", "zero_tide"), ("Mean_Tide", "mean_tide"), ("free", "tide_free"), ("?", "unknown")])
+@pytest.mark.parametrize(
+    ("word", "system"), [("zero", "zero_tide"), ("Mean_Tide", "mean_tide"), ("free", "tide_free"), ("?", "unknown")]
+)
 def test_tide_systems_as_files_spell_them(tmp_path, word, system):
     assert read_gfc(gfc(tmp_path, tide_system=word)).tide_system == system
 
@@ -82,7 +96,10 @@ def test_unnormalised_coefficients_are_normalised_by_the_factorials(tmp_path):
     J2, C21, C22, S22 = 1.0826e-3, -3e-10, 1.57e-6, -9.0e-7
     rows = [f"gfc 2 0 {-J2} 0", f"gfc 2 1 {C21} 0", f"gfc 2 2 {C22} {S22}"]
     field = read_gfc(gfc(tmp_path, rows, norm="unnormalized"))
-    factor = lambda n, m: math.sqrt((2 - (m == 0)) * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
+
+    def factor(n, m):
+        return math.sqrt((2 - (m == 0)) * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
+
     assert field.C[2, 0] == pytest.approx(-J2 / math.sqrt(5.0), rel=1e-15)
     assert field.C[2, 1] == pytest.approx(C21 / factor(2, 1), rel=1e-15)
     assert field.C[2, 2] == pytest.approx(C22 / factor(2, 2), rel=1e-15)
@@ -111,6 +128,12 @@ def test_time_variable_coefficient_at_an_epoch(tmp_path):
     assert field.C[2, 0] != -4.8e-4
 
 
+def test_errors_of_a_time_variable_coefficient(tmp_path):
+    rows = ["gfct 2 0 -4.8e-4 0.0 1e-12 0.0 20050101", *(row + " 2e-12 3e-12" for row in ROWS[2:])]
+    field = read_gfc(gfc(tmp_path, rows, errors="formal"))
+    assert field.sigma_C[2, 0] == 1e-12 and field.sigma_C[2, 1] == 2e-12
+
+
 INTERVALS = ["gfct 2 0 -4.8e-4 0.0 20000101.0000 20100101.1200", "trnd 2 0 1e-11 0.0 20000101 20100101.1200",
              "gfct 2 0 -4.9e-4 0.0 20100101.1200 20200101", "asin 2 0 1e-11 0.0 20100101.1200 20200101 1.0",
              *ROWS[2:]]  # fmt: skip
@@ -127,7 +150,9 @@ def test_second_format_takes_the_interval_of_the_epoch(tmp_path, epoch, base, sl
 
 def test_second_format_without_an_epoch_asks_for_one(tmp_path):
     path = gfc(tmp_path, INTERVALS, format="icgem2.0")
-    with pytest.raises(GfcError, match=r"line 14: coefficient \(2, 0\) has 2 gfct lines, first in line 12; give one epoch"):
+    with pytest.raises(
+        GfcError, match=r"line 14: coefficient \(2, 0\) has 2 gfct lines, first in line 12; give one epoch"
+    ):
         read_gfc(path)
     with pytest.raises(GfcError, match="no gfct line covers 2030-01-01"):
         read_gfc(path, datetime.date(2030, 1, 1))
@@ -149,7 +174,10 @@ def test_second_format_without_an_epoch_asks_for_one(tmp_path):
         ({"rows": ["gfc 2 3 1.0 0.0"]}, "line 11: degree 2 and order 3 must satisfy"),
         ({"rows": ["gfc 3 0 1.0 0.0"]}, "line 11: degree 3 exceeds the header's max_degree 2"),
         ({"rows": ["2 0 1.0 0.0"]}, "line 11: '2' begins no data line"),
-        ({"rows": ["trnd 2 0 1.0 0.0"]}, r"line 11: coefficient \(2, 0\) is time-variable, but no gfct line gives its value"),
+        (
+            {"rows": ["trnd 2 0 1.0 0.0"]},
+            r"line 11: coefficient \(2, 0\) is time-variable, but no gfct line gives its value",
+        ),
         ({"rows": ["gfct 2 0 1.0 0.0 2005-01-01"]}, "line 11: '2005-01-01' is no date of the form yyyymmdd"),
         ({"rows": ["acos 2 0 1.0 0.0 -1.0"]}, r"line 11: period -1.0 must be positive \(years\)"),
         ({"rows": ["gfc 0 0 0.9 0", *ROWS[1:]]}, r"TOY: C\[0, 0\] = 0.9 must be 1"),

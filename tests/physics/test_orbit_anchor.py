@@ -13,11 +13,14 @@ from geokalman.physics.orbit import integrate
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take hours in plain Python")
 
 START_B = np.array(
-    [5357573.11049891, 1727695.6056431364, 3853296.543529178, -4160.6944255370345, -1171.7122130669584, 6312.771968798334]
+    [5357573.11049891, 1727695.6056431364, 3853296.543529178,
+     -4160.6944255370345, -1171.7122130669584, 6312.771968798334]
 )
 START_A = {
-    70: [5234543.65830501, 1692934.0034883546, 4033679.5750024356, -4352.703650157481, -1233.7225592931939, 6169.395551641042],
-    30: [5234543.65183053, 1692934.004107816, 4033679.574972072, -4352.704126082827, -1233.72248352233, 6169.395490839517],
+    70: [5234543.65830501, 1692934.0034883546, 4033679.5750024356,
+         -4352.703650157481, -1233.7225592931939, 6169.395551641042],
+    30: [5234543.65183053, 1692934.004107816, 4033679.574972072,
+         -4352.704126082827, -1233.72248352233, 6169.395490839517],
 }  # fmt: skip
 FIVE_DAYS_A = {70: [4966974.043, 1390338.715, -4472367.364], 30: [4966948.922, 1390340.402, -4472384.448]}
 RANGE = {70: (220076.057, 221170.728), 30: (220167.406, 221170.965)}
@@ -83,7 +86,7 @@ def test_thirty_days():
 
 @pytest.mark.slow
 def test_papers_runge_kutta_45():
-    """Adaptive RK45 for a day at a = 6870 km: usable at rtol 1e-12, useless at the tolerances people leave as they are."""
+    """Adaptive RK45 for a day at a = 6870 km: usable at rtol 1e-12, useless at the tolerances in common use."""
     _, params, A, B = start(70, 6870e3)
     y0 = np.concatenate([A, B])
     precise = integrate(gravity_force, params, y0, (30.0, 2880))

@@ -1,4 +1,4 @@
-"""A second process finds every compiled kernel of the orbit and gravity modules in the cache, forces as arguments included."""
+"""A second process finds every compiled kernel of orbit and gravity in the cache, forces as arguments included."""
 
 import os
 import subprocess

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geokalman.constants import OMEGA_EARTH
+from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.discretise import white_jerk
 from geokalman.physics.harmonics import GravityField, load_field
 
@@ -64,6 +65,8 @@ class Scenario:
             raise ValueError(f"days = {self.days:g} leaves nothing to integrate; give a positive number of days.")
         if self.dt <= 0:
             raise ValueError(f"dt = {self.dt:g} s is not a sampling interval; give a positive number of seconds.")
+        if self.epochs < 2:
+            raise ValueError(f"days = {self.days:g} is shorter than one sampling interval of dt = {self.dt:g} s; give more days.")
         if self.n_max < 2:
             raise ValueError(f"n_max = {self.n_max} is below 2; degrees 0 and 1 are held fixed, so give 2 or more.")
         if not 0 <= self.e < 1:
@@ -82,8 +85,8 @@ class Scenario:
         if self.integrator not in ("gj", "dop853", "rk45"):
             raise ValueError(f"integrator = {self.integrator!r} is unknown; give gj, dop853 or rk45.")
         if self.integrator != "rk45":
-            steps = self.dt / self.h
-            if self.h <= 0 or abs(steps - round(steps)) > 1e-9 or round(steps) < 1:
+            steps = self.dt / self.h if self.h > 0 else 0.0
+            if abs(steps - round(steps)) > 1e-9 or round(steps) < 1:
                 raise ValueError(
                     f"h_int = {self.h:g} s does not divide dt = {self.dt:g} s; give a step that goes into dt a whole number of times."
                 )
@@ -149,8 +152,10 @@ class Tuning:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value:g} is not a positive number; a filter cannot weigh with it.")
-        if not 9 + self.kappa > 0:
-            raise ValueError(f"kappa = {self.kappa:g} makes n + kappa <= 0 for the nine states; give kappa > -9.")
+        if not math.isfinite(self.beta):
+            raise ValueError(f"beta = {self.beta:g} is not finite; the paper has 0, and 2 suits Gaussians.")
+        if not 0 < 9 + self.kappa < math.inf:
+            raise ValueError(f"kappa = {self.kappa:g} does not make n + kappa positive and finite for the n = 9 states; give kappa > -9.")
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any], dt: float, **changes: Any) -> Tuning:
@@ -182,7 +187,8 @@ class Observations:
     """What a method may see: epochs every dt [s], relative positions (n, 3) [m], range-rates (n,) [m/s], and a prior.
 
     A missing observation is NaN. The prior is N(prior_mean (9,), prior_cov (9, 9)) of [dr, dv, da] at the first epoch.
-    Raises ValueError for shapes that do not fit or an infinite observation, naming the epoch.
+    Raises ValueError for shapes that do not fit, an infinite observation (naming the epoch), a prior that is not finite or
+    not symmetric; NotPositiveDefinite for a prior covariance with a negative eigenvalue.
     """
 
     dt: float
@@ -192,6 +198,10 @@ class Observations:
     prior_cov: Array
 
     def __post_init__(self) -> None:
+        if not 0 < self.dt < math.inf:
+            raise ValueError(f"dt = {self.dt:g} s is not a sampling interval; give a positive number of seconds.")
+        object.__setattr__(self, "prior_mean", array("prior_mean", self.prior_mean, 9))
+        object.__setattr__(self, "prior_cov", covariance("prior_cov", self.prior_cov, 9))
         n = len(self.baseline)
         if self.baseline.shape != (n, 3) or self.rate.shape != (n,):
             raise ValueError(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 _EPS = float(np.finfo(float).eps)
@@ -51,31 +53,35 @@ def covariance(name: str, value, n: int) -> np.ndarray:
     Both are judged on the correlation matrix, so that the units of the states do not matter.
     Raises ValueError where it is not symmetric, NotPositiveDefinite where an eigenvalue is negative.
     """
-    P = array(name, value, n, n)
-    variance = np.diag(P)
-    if (variance < 0.0).any():
-        i = int(np.argmin(variance))
-        raise NotPositiveDefinite(name, detail=f"its diagonal element {i} is {variance[i]:g}")
-    sigma = np.where(variance > 0.0, np.sqrt(variance), 1.0)
-    correlation = P / sigma[:, None] / sigma
-    gap = np.abs(correlation - correlation.T)
-    if gap.max(initial=0.0) > 1e4 * n * _EPS:  # far above the rounding of any product, far below a forgotten transpose
-        i, j = (int(k) for k in np.unravel_index(np.argmax(gap), gap.shape))
-        raise ValueError(f"{name} is not symmetric: element ({i}, {j}) is {P[i, j]:g}, element ({j}, {i}) is {P[j, i]:g}")
-    smallest = np.linalg.eigvalsh(0.5 * (correlation + correlation.T)).min(initial=0.0)
-    if smallest < -10 * n * _EPS:
-        raise NotPositiveDefinite(name, detail=f"its correlation matrix has the eigenvalue {smallest:.3g}")
-    return 0.5 * (P + P.T)
+    return _judge(array(name, value, n, n)[None], lambda k: name)[0]
 
 
 def covariances(name: str, value, count: int, n: int) -> np.ndarray:
     """Checked covariances (K, n, n) from one (n, n), K = 1, or from one per epoch, K = count."""
     if np.ndim(value) != 3:
         return covariance(name, value, n)[None]
-    stack = array(name, value, count, n, n)
-    for k in range(count):
-        stack[k] = covariance(f"{name}[{k}]", stack[k], n)
-    return stack
+    return _judge(array(name, value, count, n, n), lambda k: f"{name}[{k}]")
+
+
+def _judge(P: np.ndarray, name: Callable[[int], str]) -> np.ndarray:
+    n = P.shape[-1]
+    variance = np.diagonal(P, axis1=1, axis2=2)
+    if (variance < 0.0).any():
+        k, i = (int(index) for index in np.argwhere(variance < 0.0)[0])
+        raise NotPositiveDefinite(name(k), detail=f"its diagonal element {i} is {variance[k, i]:g}")
+    sigma = np.where(variance > 0.0, np.sqrt(variance), 1.0)
+    correlation = P / sigma[:, :, None] / sigma[:, None, :]
+    mirror = correlation.transpose(0, 2, 1)
+    apart = np.abs(correlation - mirror) > 1e4 * n * _EPS  # far above the rounding of products, far below an omission
+    if apart.any():
+        k, i, j = (int(index) for index in np.argwhere(apart)[0])
+        pair = f"element ({i}, {j}) is {P[k, i, j]:g}, element ({j}, {i}) is {P[k, j, i]:g}"
+        raise ValueError(f"{name(k)} is not symmetric: {pair}")
+    smallest = np.linalg.eigvalsh(0.5 * (correlation + mirror)).min(axis=1, initial=0.0)
+    if (smallest < -10 * n * _EPS).any():
+        k = int(np.argmax(smallest < -10 * n * _EPS))
+        raise NotPositiveDefinite(name(k), detail=f"its correlation matrix has the eigenvalue {smallest[k]:.3g}")
+    return 0.5 * (P + P.transpose(0, 2, 1))
 
 
 def matrices(name: str, value, count: int, rows: int, columns: int) -> np.ndarray:

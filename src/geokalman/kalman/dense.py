@@ -12,6 +12,16 @@ from numba import njit
 
 
 @njit(cache=True)
+def copy_state(x: np.ndarray, P: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> None:
+    """Copy a mean (n,) and a covariance (n, n); a slice assignment would compile for seconds (numba's error message)."""
+    n = x.shape[0]
+    for i in range(n):
+        x_out[i] = x[i]
+        for j in range(n):
+            P_out[i, j] = P[i, j]
+
+
+@njit(cache=True)
 def symmetrise(A: np.ndarray) -> None:
     """Replace the square matrix A by (A + A') / 2, in place."""
     n = A.shape[0]

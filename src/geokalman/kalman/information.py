@@ -2,6 +2,10 @@
 
 The information form needs no prior: zeros say that nothing is known (a diffuse prior). `smooth_two_filter` joins the
 covariance filter forward with an information filter backward, `smooth_information` runs both in information form.
+
+The information vector is cov^-1 mean: with coordinates of 1e5 m known to a millimetre its rounding alone moves the mean by
+thousandths of a sigma. The loops therefore work on deviations from a nominal trajectory x*, for which
+dx_(k+1) = Phi dx_k + u_k + w with the known u_k = Phi x*_k - x*_(k+1), and z - H x* for z.
 """
 
 from __future__ import annotations
@@ -10,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
 from geokalman.kalman.linear import Transition, steps
 
@@ -34,7 +38,8 @@ def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.n
     for b in range(count):
         for d in range(count):
             U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        rows[b] = H[seen[b]]
+        for j in range(n):
+            rows[b, j] = H[seen[b], j]
         values[b, 0] = z[seen[b]]
     status = cholesky_upper(U, U)
     if status != 0:
@@ -136,7 +141,7 @@ def information_predict_step(y: np.ndarray, Y: np.ndarray, Psi: np.ndarray, G: n
 def combine_step(
     x: np.ndarray, P: np.ndarray, y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray
 ) -> int:
-    """Combine N(x, P) with independent information (y, Y):  P_out = (P^-1 + Y)^-1,  x_out = x + P_out (y - Y x).
+    """Combine N(x, P) with independent information (y, Y) on the deviation from x:  P_out = (P^-1 + Y)^-1,  x_out = x + P_out y.
 
     Evaluated as U' (I + U Y U')^-1 U with P = U' U: no inverse of P or Y, and positive by construction.
     x, y, x_out : (n,); P, Y, P_out : (n, n). Outputs must not overlap inputs.
@@ -169,41 +174,89 @@ def combine_step(
     for i in range(n):
         x_out[i] = x[i]
     for i in range(n):
-        gap = y[i]
         for j in range(n):
-            gap -= Y[i, j] * x[j]
-        for j in range(n):
-            x_out[j] += P_out[i, j] * gap
+            x_out[j] += P_out[i, j] * y[i]
     return 0
 
 
 @njit(cache=True)
+def information_state_step(y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> int:
+    """The Gaussian of an information form:  P_out = Y^-1,  x_out = P_out y.  y, x_out : (n,); Y, P_out : (n, n).
+
+    Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
+    """
+    n = y.shape[0]
+    U, W = np.empty((n, n)), np.zeros((n, n))
+    status = cholesky_upper(Y, U)
+    if status != 0:
+        return status
+    for i in range(n):
+        W[i, i] = 1.0
+        x_out[i] = 0.0
+        for j in range(n):
+            P_out[i, j] = 0.0
+    solve_lower(U, W)
+    for k in range(n):
+        for i in range(k + 1):
+            for j in range(k + 1):
+                P_out[i, j] += W[k, i] * W[k, j]
+    for i in range(n):
+        for j in range(n):
+            x_out[j] += P_out[i, j] * y[i]
+    return 0
+
+
+@njit(cache=True)
+def _add_product(sign: float, Y: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
+    for i in range(u.shape[0]):
+        if u[i] != 0.0:
+            for j in range(u.shape[0]):
+                y[j] += sign * u[i] * Y[i, j]
+
+
+@njit(cache=True)
 def backward_loop(
-    z: np.ndarray, H: np.ndarray, R: np.ndarray, Phi: np.ndarray, G: np.ndarray, step: np.ndarray, y: np.ndarray, Y: np.ndarray
+    z: np.ndarray,
+    H: np.ndarray,
+    R: np.ndarray,
+    Phi: np.ndarray,
+    G: np.ndarray,
+    step: np.ndarray,
+    u: np.ndarray,
+    y: np.ndarray,
+    Y: np.ndarray,
 ) -> tuple[int, int]:
     """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the end.
 
-    z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G.
+    z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input of each step.
     Returns (epoch, status) of an R without full rank, or (-1, 0).
     """
     last = z.shape[0] - 1
     y[last] = 0.0
     Y[last] = 0.0
     for k in range(last - 1, -1, -1):
-        y[k] = y[k + 1]
-        Y[k] = Y[k + 1]
+        copy_state(y[k + 1], Y[k + 1], y[k], Y[k])
         H_k = H[k + 1] if H.shape[0] > 1 else H[0]
         R_k = R[k + 1] if R.shape[0] > 1 else R[0]
         status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
         if status != 0:
             return k + 1, status
+        _add_product(-1.0, Y[k], u[k], y[k])
         information_back_step(y[k], Y[k], Phi[step[k]], G[step[k]])
     return -1, 0
 
 
 @njit(cache=True)
 def forward_loop(
-    z: np.ndarray, H: np.ndarray, R: np.ndarray, Psi: np.ndarray, G: np.ndarray, step: np.ndarray, y: np.ndarray, Y: np.ndarray
+    z: np.ndarray,
+    H: np.ndarray,
+    R: np.ndarray,
+    Psi: np.ndarray,
+    G: np.ndarray,
+    step: np.ndarray,
+    u: np.ndarray,
+    y: np.ndarray,
+    Y: np.ndarray,
 ) -> tuple[int, int]:
     """Information on x_k in the prior and the observations up to epoch k: y[0], Y[0] hold the prior, the rest is output.
 
@@ -211,9 +264,9 @@ def forward_loop(
     """
     for k in range(z.shape[0]):
         if k > 0:
-            y[k] = y[k - 1]
-            Y[k] = Y[k - 1]
+            copy_state(y[k - 1], Y[k - 1], y[k], Y[k])
             information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
+            _add_product(1.0, Y[k], u[k - 1], y[k])
         H_k = H[k] if H.shape[0] > 1 else H[0]
         R_k = R[k] if R.shape[0] > 1 else R[0]
         status = information_update_step(y[k], Y[k], z[k], H_k, R_k)
@@ -225,17 +278,18 @@ def forward_loop(
 def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
     """Smooth a linear filter's trajectory by an information filter that runs backward over the same observations.
 
-    P_s = (P^-1 + Y)^-1,   x_s = x + P_s (y - Y x),   (y, Y) the information on x_k in the observations after k.
+    P_s = (P^-1 + Y)^-1,   x_s = x + P_s y,   (y, Y) the information on x_k - x in the observations after k.
     course : the Trajectory of `filter_linear`; z, H, R : as given to it, R positive definite.
-    Returns the Smoothed states, equal to those of `smoothing.smooth`.
+    Returns the Smoothed states, equal to those of `smoothing.smooth`; no predicted covariance is inverted.
     Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
     Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
     """
     N, n = course.mean.shape
     z, H, R = _observations(z, H, R, N, n)
     y, Y = np.empty((N, n)), np.empty((N, n, n))
-    G = np.array([_root(Q) for Q in course.process_noise]).reshape(-1, n, n)
-    _raise(*backward_loop(z, H, R, course.transition, G, course.step, y, Y), course.t)
+    G = _roots(course.process_noise)
+    dz, u = _about(course.mean, z, H, course.transition, course.step)
+    _raise(*backward_loop(dz, H, R, course.transition, G, course.step, u, y, Y), course.t)
     mean, cov = np.empty((N, n)), np.empty((N, n, n))
     for k in range(N):
         status = combine_step(course.mean[k], course.cov[k], y[k], Y[k], mean[k], cov[k])
@@ -247,7 +301,7 @@ def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
 def smooth_information(t, z, H, R, transition: Transition, prior: Information | None = None) -> Smoothed:
     """Smooth a linear model by two information filters, with no prior at all where none is given.
 
-    P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b).
+    P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b); a second pass, about the first solution, removes its rounding.
     t, z, H, R, transition : as in `filter_linear`, R positive definite, Phi invertible; prior : Information at t[0]
     before its observation, None for a diffuse one.
     Returns the Smoothed states. Raises ValueError for wrong input, NotPositiveDefinite with the first epoch whose state the
@@ -258,26 +312,31 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     N, n = len(t), np.shape(H)[-1]
     z, H, R = _observations(z, H, R, N, n)
     Phi, Q, step = steps(transition, t, n)
-    G = np.array([_root(noise) for noise in Q]).reshape(-1, n, n)
+    G = _roots(Q)
     Psi = np.array([np.linalg.solve(matrix, np.eye(n)) for matrix in Phi]).reshape(-1, n, n)
-    y, Y, y_back, Y_back = np.zeros((N, n)), np.zeros((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
+    y0, Y0 = np.zeros(n), np.zeros((n, n))
     if prior is not None:
-        y[0], Y[0] = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
-    _raise(*forward_loop(z, H, R, Psi, G, step, y, Y), t)
-    _raise(*backward_loop(z, H, R, Phi, G, step, y_back, Y_back), t)
-    mean, cov = np.empty((N, n)), np.empty((N, n, n))
-    for k in range(N):
-        U, inverse_root, x = Y[k] + Y_back[k], np.eye(n), (y[k] + y_back[k])[:, None]
-        status = cholesky_upper(U, U)
-        if status != 0:
-            detail = f"the observations do not determine state {status - 1}"
-            raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
-        solve_lower(U, inverse_root)
-        cov[k] = inverse_root.T @ inverse_root
-        solve_lower(U, x)
-        solve_upper(U, x)
-        mean[k] = x[:, 0]
+        y0, Y0 = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
+    y, Y, y_back, Y_back = np.empty((N, n)), np.empty((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
+    mean, cov, correction = np.zeros((N, n)), np.empty((N, n, n)), np.empty(n)
+    for _ in range(2):
+        dz, u = _about(mean, z, H, Phi, step)
+        y[0], Y[0] = y0 - Y0 @ mean[0], Y0
+        _raise(*forward_loop(dz, H, R, Psi, G, step, u, y, Y), t)
+        _raise(*backward_loop(dz, H, R, Phi, G, step, u, y_back, Y_back), t)
+        for k in range(N):
+            status = information_state_step(y[k] + y_back[k], Y[k] + Y_back[k], correction, cov[k])
+            if status != 0:
+                detail = f"the observations do not determine state {status - 1}"
+                raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
+            mean[k] += correction
     return Smoothed(t, mean, cov)
+
+
+def _about(nominal, z, H, Phi, step) -> tuple[np.ndarray, np.ndarray]:
+    """Observations and inputs of the deviations from a nominal trajectory (N, n)."""
+    u = np.einsum("kij,kj->ki", Phi[step], nominal[:-1]) - nominal[1:]
+    return z - np.einsum("kij,kj->ki", np.broadcast_to(H, (len(z), *H.shape[1:])), nominal), u
 
 
 def _observations(z, H, R, N: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -286,10 +345,11 @@ def _observations(z, H, R, N: int, n: int) -> tuple[np.ndarray, np.ndarray, np.n
     return z, matrices("H", H, N, m, n), covariances("R", R, N, m)
 
 
-def _root(Q: np.ndarray) -> np.ndarray:
+def _roots(Q: np.ndarray) -> np.ndarray:
     G = np.empty_like(Q)
-    if root_semidefinite(Q, G) != 0:
-        raise NotPositiveDefinite("process noise covariance")
+    for noise, root in zip(Q, G, strict=True):
+        if root_semidefinite(noise, root) != 0:
+            raise NotPositiveDefinite("process noise covariance")
     return G
 
 

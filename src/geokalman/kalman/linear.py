@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
 
 Transition = tuple[np.ndarray, np.ndarray] | Callable[[float], tuple[np.ndarray, np.ndarray]]
@@ -206,7 +206,8 @@ def observed_update_step(
     for b in range(count):
         for d in range(count):
             R_seen[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        H_seen[b] = H[seen[b]]
+        for j in range(n):
+            H_seen[b, j] = H[seen[b], j]
         z_seen[b, 0] = z[seen[b]]
     if sequential:
         status = cholesky_upper(R_seen, R_seen)
@@ -219,8 +220,9 @@ def observed_update_step(
             if status != 0:
                 return b + 1
         return 0
-    residual = z_seen[:, 0].copy()
+    residual = np.empty(count)
     for b in range(count):
+        residual[b] = z_seen[b, 0]
         for j in range(n):
             residual[b] -= H_seen[b, j] * x[j]
     w = np.empty(count)
@@ -269,8 +271,7 @@ def filter_loop(
         if k > 0:
             s = step[k - 1]
             predict_step(mean[k - 1], cov[k - 1], Phi[s], Q[s], predicted_mean[k], predicted_cov[k])
-        mean[k] = predicted_mean[k]
-        cov[k] = predicted_cov[k]
+        copy_state(predicted_mean[k], predicted_cov[k], mean[k], cov[k])
         H_k = H[k] if H.shape[0] > 1 else H[0]
         R_k = R[k] if R.shape[0] > 1 else R[0]
         status = observed_update_step(mean[k], cov[k], z[k], H_k, R_k, sequential, whitened[k])
@@ -320,6 +321,8 @@ def filter_linear(prior: Gaussian, t, z, H, R, transition: Transition, sequentia
     transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
     (Phi, Q), called once for each different step; sequential : scalar updates (fast) or one joint update per epoch.
     Returns the Trajectory. Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
+    A covariance matrix of doubles holds variances across states over some 15 digits: for a prior that knows far less
+    than the first observations, in directions that mix states, see `information.smooth_information`.
     """
     prior = gaussian(*prior)
     t = epochs(t)

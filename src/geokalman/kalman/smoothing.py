@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite
-from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
+from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 
 
@@ -143,8 +143,7 @@ def rts_loop(
     positive definite, or (-1, 0).
     """
     last = mean.shape[0] - 1
-    x_out[last] = mean[last]
-    P_out[last] = cov[last]
+    copy_state(mean[last], cov[last], x_out[last], P_out[last])
     for k in range(last - 1, -1, -1):
         status = rts_step(
             mean[k],

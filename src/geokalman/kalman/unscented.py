@@ -15,6 +15,7 @@ is at least `noise`, so that the update below leaves a positive definite covaria
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -43,8 +44,9 @@ def sigma_points_step(x: np.ndarray, P: np.ndarray, c: float, chi: np.ndarray, U
     for i in range(n):
         for j in range(n):
             plus = x[j] + c * U[i, j]
+            minus = x[j] - (plus - x[j])  # symmetric to the last bit: linear parts leave no second difference
+            chi[2 * i + 1, j] = minus
             chi[2 * i + 2, j] = plus
-            chi[2 * i + 1, j] = x[j] - (plus - x[j])  # a pair symmetric to the last bit: linear parts leave no second difference
     return 0
 
 
@@ -174,7 +176,8 @@ def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, floa
     Raises ValueError where n + lambda is not positive.
     """
     if not (alpha > 0.0 and n + kappa > 0.0):
-        raise ValueError(f"alpha = {alpha} and kappa = {kappa} with n = {n} give no sigma points: alpha and n + kappa must be positive")
+        given = f"alpha = {alpha} and kappa = {kappa} with n = {n}"
+        raise ValueError(f"{given} give no sigma points: alpha and n + kappa must be positive")
     return alpha * float(np.sqrt(n + kappa)), beta - alpha**2
 
 
@@ -267,25 +270,28 @@ def filter_unscented(
     n = len(prior.mean)
     c, w = spread(n, alpha, beta, kappa)
     x, P = prior.mean.copy(), prior.cov.copy()
-    for k, now in enumerate(t):
+    for k, now in enumerate(map(float, t)):
         if k > 0:
             before = float(t[k - 1])
-            noise = noise_at(Q, before, float(now), n)
-            x, P, Phi, remainder = _propagate(
-                x, P, lambda s: f(s, before, float(now)), noise, c, w, "filtered covariance", k - 1, before
-            )
+            noise = noise_at(Q, before, now, n)
+            step = partial(_at, f, before, now)
+            x, P, Phi, remainder = _propagate(x, P, step, noise, c, w, "filtered covariance", k - 1, before)
             out.transition[k - 1], out.process_noise[k - 1] = Phi, remainder
         out.predicted_mean[k], out.predicted_cov[k] = x, P
         column = 0
         for sensor, z_s, R_s in zip(sensors, z, R, strict=True):
             m = z_s.shape[1]
-            (x, P), innovation = _update(
-                x, P, z_s[k], lambda s: sensor.h(s, float(now)), R_s[k % len(R_s)], c, w, k, float(now)
-            )
+            h = partial(_at, sensor.h, now)
+            (x, P), innovation = _update(x, P, z_s[k], h, R_s[k % len(R_s)], c, w, k, now)
             out.whitened[k, column : column + m] = innovation.whitened
             column += m
         out.mean[k], out.cov[k] = x, P
     return out
+
+
+def _at(function, *arguments):
+    *times, x = arguments
+    return function(x, *times)
 
 
 def _draw(x, P, c, matrix, epoch=None, t=None) -> tuple[np.ndarray, np.ndarray]:

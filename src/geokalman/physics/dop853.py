@@ -1,4 +1,4 @@
-"""Fixed-step DOP853: the eighth-order Runge-Kutta method of Dormand and Prince, with compensated summation of the state.
+"""Fixed-step DOP853: the eighth-order Runge-Kutta method of Dormand and Prince, with compensated summation.
 
 Source: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.10; the coefficients are those of scipy.
 """

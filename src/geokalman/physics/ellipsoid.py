@@ -54,7 +54,7 @@ class Ellipsoid:
     def _second(self) -> tuple[float, float, float]:
         """Second eccentricity e', q_0 and q_0'."""
         e = math.sqrt(self.e2) / (1.0 - self.f)
-        # series of the closed forms 1/2 [(1 + 3/e'^2) atan e' - 3/e'] and 3 (1 + 1/e'^2)(1 - atan(e')/e') - 1, which cancel
+        # series, because 1/2 [(1 + 3/e'^2) atan e' - 3/e'] and 3 (1 + 1/e'^2)(1 - atan(e')/e') - 1 cancel
         terms = range(1, 25)
         q0 = sum(2 * (-1) ** (k + 1) * k * e ** (2 * k + 1) / ((2 * k + 1) * (2 * k + 3)) for k in terms)
         q1 = sum(6 * (-1) ** (k + 1) * e ** (2 * k) / ((2 * k + 1) * (2 * k + 3)) for k in terms)

@@ -1,7 +1,8 @@
 """Compiled forces for the orbit integrators, and the constants of motion that check them.
 
-A force is a function ``force(t, y, params, acceleration)`` compiled with the signature `FORCE`: t [s]; y (6 k,) the states
-[r, v] of k bodies one after the other [m, m/s]; params a flat float64 array of its own; acceleration (3 k,) is written [m s^-2].
+A force is a function ``force(t, y, params, acceleration)`` compiled with the signature `FORCE`: t [s]; y (6 k,) the
+states [r, v] of k bodies one after the other [m, m/s]; params a flat float64 array of its own; acceleration (3 k,) is
+written [m s^-2].
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.dop853 import FORCE
-from geokalman.physics.gravity import acceleration_point, pack, potential
 from geokalman.physics.frames import to_ecef
+from geokalman.physics.gravity import acceleration_point, pack, potential
 from geokalman.physics.harmonics import GravityField
 
 

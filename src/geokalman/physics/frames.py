@@ -1,7 +1,7 @@
-"""Frames: the Earth-fixed one turning uniformly in the inertial one, the local (east, north, up) one, spherical coordinates.
+"""Frames: the Earth-fixed one turning uniformly in the inertial one, and the local (east, north, up) one.
 
-``R_ab`` takes components from frame b to frame a. The Earth-fixed frame is ECEF = Rz(omega t) ECI: both coincide at t = 0, no
-precession, nutation or polar motion.
+``R_ab`` takes components from frame b to frame a. The Earth-fixed frame is ECEF = Rz(omega t) ECI: both coincide at t
+= 0, no precession, nutation or polar motion.
 """
 
 from __future__ import annotations

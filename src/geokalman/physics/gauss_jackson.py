@@ -4,13 +4,13 @@ With first and second sums of the accelerations on the grid, s_(k+1/2) = s_(k-1/
 
     r_k = h^2 (S_k + sum_j u_j a_(k+j)),    v_k = h (s_(k-1/2) + sum_j w_j a_(k+j)),
 
-where the weights follow from the symbols 1/theta^2 - e^theta/(e^theta - 1)^2 and 1/theta - 1/(e^theta - 1), theta = h d/dt.
-Offsets j = -1, ..., -P predict a new point; j = -8, ..., 8 are central weights. Output is formed with central weights, eight
-steps late, and the sums are started with them in the middle of a Runge-Kutta start arc: one-sided weights at the start would
-lose two orders of magnitude of accuracy (the error of the start grows with the arc, one at the end does not).
+where the weights follow from the symbols 1/theta^2 - e^theta/(e^theta - 1)^2 and 1/theta - 1/(e^theta - 1), theta =
+h d/dt. Offsets j = -1, ..., -P predict a new point; j = -8, ..., 8 are central weights. Output is formed with central
+weights, eight steps late, and the sums are started with them in the middle of a Runge-Kutta start arc: an error of the
+sums at the start grows all along the orbit, and one-sided weights there would cap its accuracy.
 
-With one evaluation a step the predictor alone decides on stability: a force may depend on the velocity, but weakly, with
-|da/dv| h below about 1e-3 (drag in low orbit: 1e-6); DOP853 has no such limit.
+With one evaluation a step the predictor alone decides on stability: an angular rate w needs w h below about 0.05 (45 s
+in low Earth orbit), a damping of the velocity |da/dv| h below 8e-4 (drag in low orbit: 1e-6). `disagreement` tells.
 
 Source: Berry & Healy 2004, J. Astronaut. Sci. 52, 331-357 (summed form); Jackson 1924, MNRAS 84, 602-606.
 """
@@ -53,7 +53,7 @@ def _lagrange(nodes: tuple[int, ...], i: int) -> list[Fraction]:
 
 @functools.cache
 def weights(nodes: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (u, w) of accelerations at offsets `nodes` [steps] for position and velocity, rounded from exact fractions."""
+    """Weights (u, w) of accelerations at offsets `nodes` [steps] for position and velocity, from exact fractions."""
     bernoulli = _bernoulli(len(nodes) + 2)
     u_moment = [bernoulli[i + 2] / (i + 2) for i in range(len(nodes))]  # i! times the symbol's coefficients
     w_moment = [-bernoulli[i + 1] / (i + 1) for i in range(len(nodes))]
@@ -73,6 +73,19 @@ def predictor() -> tuple[np.ndarray, np.ndarray]:
 def central() -> tuple[np.ndarray, np.ndarray]:
     """Weights (u, w) of the accelerations at offsets -HALF..HALF."""
     return weights(tuple(range(-HALF, HALF + 1)))
+
+
+def disagreement(h: float, a: np.ndarray, s2: np.ndarray) -> tuple[float, float]:
+    """Largest difference of predicted and central position at the last row that has both, and the position's size [m].
+
+    a, s2 (rows, 3 k) accelerations and second sums of a window of at least 21 rows. A step within stability keeps the
+    difference far below a micrometre; beyond, it grows exponentially.
+    """
+    k = a.shape[0] - 1 - HALF
+    ahead, here = predictor()[0], central()[0]
+    predicted = s2[k] + ahead @ a[k - PREDICTOR : k][::-1]
+    exact = s2[k] + here @ a[k - HALF : k + HALF + 1]
+    return h * h * float(np.abs(predicted - exact).max()), h * h * float(np.abs(exact).max())
 
 
 @njit(types.UniTuple(types.float64, 2)(types.float64, types.float64, types.float64), cache=True)

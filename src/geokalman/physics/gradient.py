@@ -1,8 +1,8 @@
 """Gravity gradient tensor of a spherical-harmonic field at points.
 
-A Cartesian derivative of an exterior harmonic of degree n is one of degree n + 1, so each component of the tensor is a series
-like the potential itself, with coefficients that are found once (Cunningham 1970, Celest. Mech. 2, 207-216; unnormalised in
-Montenbruck & Gill 2000, Satellite Orbits, eqs 3.33). All of them share one monic Legendre recursion.
+A Cartesian derivative of an exterior harmonic of degree n is one of degree n + 1, so each component of the tensor is
+a series like the potential itself, with coefficients that are found once (Cunningham 1970, Celest. Mech. 2, 207-216;
+unnormalised in Montenbruck & Gill 2000, Satellite Orbits, eqs 3.33). All of them share one monic Legendre recursion.
 """
 
 from __future__ import annotations
@@ -68,7 +68,9 @@ def pack_gradient(field: GravityField, n_max: int | None = None) -> np.ndarray:
     columns = []
     for i, j in SERIES:
         columns += [k * part[n, m] for part in derivative(*first[i], j)]
-    return np.concatenate([[field.gm, field.radius, n_max + 2], monic_recursion(n_max + 2), np.stack(columns, axis=1).ravel()])
+    header = [field.gm, field.radius, n_max + 2]
+    beta = [monic_recursion(n_max + 2, order) for order in range(n_max + 3)]
+    return np.concatenate([header, *beta, np.stack(columns, axis=1).ravel()])
 
 
 @njit(cache=True, fastmath={"contract"})

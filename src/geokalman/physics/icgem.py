@@ -37,7 +37,7 @@ _NO_EXPONENT_LETTER = re.compile(r"([+-]?\d*\.?\d*)([+-]\d{3})$")  # Fortran dro
 
 
 class GfcError(ValueError):
-    """A `.gfc` file that cannot be read as what it claims to be; the message names file, line and what would be right."""
+    """A `.gfc` file that is not what it claims to be; the message names file, line and what would be right."""
 
 
 class _Line(NamedTuple):
@@ -345,8 +345,8 @@ def _require_complete(path: Path, n_max: int, seen: dict[tuple[int, int], int]) 
     if missing:
         listed = ", ".join(map(str, missing[:5])) + (", ..." if len(missing) > 5 else "")
         raise GfcError(
-            f"{path}: {len(missing)} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}; "
-            "the file is truncated or its max_degree is wrong."
+            f"{path}: {len(missing)} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}"
+            "; the file is truncated or its max_degree is wrong."
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Elements(NamedTuple):
-    """Osculating elements: semi-major axis [m], eccentricity, inclination, node, argument of pericentre, mean anomaly [rad]."""
+    """Osculating elements: axis a [m], eccentricity, and inclination, node, pericentre, mean anomaly [rad]."""
 
     a: float
     e: float
@@ -88,7 +88,9 @@ def state_to_kepler(state: np.ndarray, gm: float) -> Elements:
     eccentricity = np.cross(v, momentum) / gm - r / distance
     e = float(np.linalg.norm(eccentricity))
     if not energy < 0.0 or e >= 1.0:
-        raise ValueError(f"eccentricity {e:g} at state {state.tolist()}: not bound to GM = {gm:g} m^3/s^2, e must be below 1")
+        raise ValueError(
+            f"eccentricity {e:g} at state {state.tolist()}: not bound to GM = {gm:g} m^3/s^2, e must be below 1"
+        )
     a = -0.5 * gm / energy
     inc = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])
     node = np.array([-momentum[1], momentum[0], 0.0])

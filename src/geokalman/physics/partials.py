@@ -1,10 +1,12 @@
-"""Partials of the gravity difference of two satellites along their line of sight: the design matrix of gravity recovery.
+"""Partials of the gravity difference of two satellites along their line of sight: the rows of gravity recovery.
 
-The observable (g_A - g_B).e is linear in the coefficients. Rotating e into the local (east, north, up) frames of A and B, as
-the paper's equations (48) and (49) do, or leaving it Earth-fixed, as here, gives the same row; here no pole is special. With the
-symbols of `geokalman.physics.gravity`, the partial of e.g with respect to C_nm is the real, to S_nm the imaginary part of
+The observable (g_A - g_B).e is linear in the coefficients. Rotating e into the local (east, north, up) frames of A
+and B, as the paper's equations (48) and (49) do, or leaving it Earth-fixed, as here, gives the same row; here no pole
+is special. With the symbols of `geokalman.physics.gravity`, the partial of e.g with respect to C_nm is the real, to
+S_nm the imaginary part of
 
-    GM/R^2 sqrt(Q) k_nm { p_nm [Q m (e_x + i e_y) zeta^(m-1) - e.q (n + m + 1) zeta^m] + dp_nm/dZ [Q e_z - e.q Z] zeta^m },
+    GM/R^2 sqrt(Q) k_nm { p_nm [Q m (e_x + i e_y) zeta^(m-1) - e.q (n + m + 1) zeta^m]
+                          + dp_nm/dZ [Q e_z - e.q Z] zeta^m },
 
 where zeta = X + iY and dp_nm/dZ = (n - m) p_(n,m+1).
 """
@@ -18,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.gravity import checked_points, monic_factors
+from geokalman.physics.simd import LANES, load, mul, muladd, splat, store
 
 
 def column_count(n_max: int) -> int:
@@ -31,7 +34,8 @@ def column_names(n_max: int) -> list[tuple[str, int, int]]:
     """Columns of the design matrix: ("C", n, m) for n = 2.. and m = 0..n, then ("S", n, m) for n = 2.. and m = 1..n."""
     column_count(n_max)
     degrees = range(2, n_max + 1)
-    return [("C", n, m) for n in degrees for m in range(n + 1)] + [("S", n, m) for n in degrees for m in range(1, n + 1)]
+    cosine = [("C", n, m) for n in degrees for m in range(n + 1)]
+    return cosine + [("S", n, m) for n in degrees for m in range(1, n + 1)]
 
 
 def to_vector(C: np.ndarray, S: np.ndarray, n_max: int) -> np.ndarray:
@@ -58,14 +62,23 @@ def _places(n_max: int) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray
     return (n[c], m[c]), (n[s], m[s])
 
 
+def _width(n_max: int) -> int:
+    return LANES * ((n_max + LANES) // LANES + 1)  # whole vectors of the orders 0..n_max, and one to read past them
+
+
 @functools.lru_cache(maxsize=8)
-def _factors(n_max: int) -> np.ndarray:
-    return monic_factors(n_max)
+def row_table(n_max: int) -> np.ndarray:
+    """Flat table (n_max+2, W) of `design_row`: the orders m as numbers, then the factors k_nm of each degree."""
+    table = np.zeros((n_max + 2, _width(n_max)))
+    table[0] = np.arange(table.shape[1])
+    table[1:, : n_max + 1] = monic_factors(n_max)
+    table.flags.writeable = False
+    return table.ravel()
 
 
 @njit(cache=True, fastmath={"contract"})
-def _prepare(r, e, gm, radius, n_max, c, s):
-    """Fill c, s (3, n_max+1): factors of p, n p and dp/dZ in the partials at r, order by order; returns Z and Q."""
+def _prepare(r, e, gm, radius, n_max, width, c, s):
+    """Fill c, s (3 W,): factors of p, n p and dp/dZ in the partials at r, order by order; returns Z and Q."""
     f = radius / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
     x, y, z, q = f * r[0], f * r[1], f * r[2], radius * f
     g = gm / (radius * radius) * math.sqrt(q)
@@ -73,67 +86,80 @@ def _prepare(r, e, gm, radius, n_max, c, s):
     ex, ey, ez = g * q * e[0], g * q * e[1], g * q * e[2] - up * z
     re, im, re_below, im_below = 1.0, 0.0, 0.0, 0.0
     for m in range(n_max + 1):
-        c[0, m] = m * (ex * re_below - ey * im_below) - up * (m + 1) * re
-        s[0, m] = m * (ex * im_below + ey * re_below) - up * (m + 1) * im
-        c[1, m], s[1, m] = -up * re, -up * im
-        c[2, m], s[2, m] = ez * re, ez * im
+        c[m] = m * (ex * re_below - ey * im_below) - up * (m + 1) * re
+        s[m] = m * (ex * im_below + ey * re_below) - up * (m + 1) * im
+        c[width + m], s[width + m] = -up * re, -up * im
+        c[2 * width + m], s[2 * width + m] = ez * re, ez * im
         re_below, im_below = re, im
         re, im = x * re_below - y * im_below, x * im_below + y * re_below
     return z, q
 
 
 @njit(cache=True, fastmath={"contract"})
-def _degree(n, z, q, p, older):
-    """Overwrite the monic functions of degree n-2, `older`, by those of degree n; p holds degree n-1."""
-    d = (n - 1.0) * (n - 1.0)
-    scale = q / (4.0 * d - 1.0)
-    for m in range(n - 1):
-        older[m] = z * p[m] - scale * (d - m * m) * older[m]
-    older[n - 1] = z * p[n - 1]
-    older[n] = 1.0
+def _next_degree(n, z, q, p, above, here, table):
+    """Overwrite the monic functions of degree n-2 at p[here:] by those of degree n; p[above:] holds degree n-1.
+
+    Functions of an order above their degree are zero, which makes the recursion right at its ends too.
+    """
+    square = (n - 1.0) * (n - 1.0)
+    scale = q / (4.0 * square - 1.0)
+    zs, top, slope = splat(z), splat(-scale * square), splat(scale)
+    for m in range(0, n + 1, LANES):
+        order = load(table, m)
+        beta = muladd(slope, mul(order, order), top)  # -beta Q
+        store(p, here + m, muladd(zs, load(p, above + m), mul(beta, load(p, here + m))))
+    p[here + n] = 1.0
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_degree(n, p, factor, c, s, row_c, row_s):
-    for m in range(n + 1):
-        slope = (n - m) * p[m + 1]
-        row_c[m] += factor[m] * (p[m] * (c[0, m] + n * c[1, m]) + slope * c[2, m])
-    for m in range(1, n + 1):
-        slope = (n - m) * p[m + 1]
-        row_s[m - 1] += factor[m] * (p[m] * (s[0, m] + n * s[1, m]) + slope * s[2, m])
+def _add_degree(n, first, p, here, table, width, f, row, at):
+    """Add the partials of degree n and orders first..n to row[at:]; f (3 W,) are the factors that `_prepare` found."""
+    factor = (n + 1) * width
+    degree, minus = splat(float(n)), splat(-1.0)
+    m = first
+    while m + LANES <= n + 1:
+        slope = mul(muladd(minus, load(table, m), degree), load(p, here + m + 1))  # dp/dZ
+        flat = muladd(degree, load(f, width + m), load(f, m))
+        value = muladd(load(p, here + m), flat, mul(slope, load(f, 2 * width + m)))
+        store(row, at, muladd(load(table, factor + m), value, load(row, at)))
+        m += LANES
+        at += LANES
+    while m <= n:
+        slope_m = (n - m) * p[here + m + 1]
+        row[at] += table[factor + m] * (p[here + m] * (f[m] + n * f[width + m]) + slope_m * f[2 * width + m])
+        m += 1
+        at += 1
 
 
 @njit(cache=True)
-def design_row(rA, rB, e, gm, radius, factors, out):
+def design_row(rA, rB, e, gm, radius, n_max, table, out):
     """Partials of e.(g_A - g_B) with respect to the coefficients, one row of the design matrix.
 
-    rA, rB (3,) Earth-fixed positions [m]; e (3,) Earth-fixed unit vector; factors (N+1, N+1) from `monic_factors`;
+    rA, rB (3,) Earth-fixed positions [m]; e (3,) Earth-fixed unit vector; table from `row_table(n_max)`;
     out ((N+1)^2 - 4,) [m s^-2] in the order of `column_names`.
     """
-    n_max = factors.shape[0] - 1
-    first_s = (n_max + 1) * (n_max + 2) // 2 - 3
+    width = table.size // (n_max + 2)
+    c, s, p = np.empty(3 * width), np.empty(3 * width), np.empty(2 * width)
     out[:] = 0.0
-    c, s = np.empty((3, n_max + 1)), np.empty((3, n_max + 1))
     for satellite in range(2):
         sign = 1.0 - 2.0 * satellite
-        z, q = _prepare(rB if satellite else rA, e, sign * gm, radius, n_max, c, s)
-        even, odd = np.zeros(n_max + 2), np.zeros(n_max + 2)
-        even[0], odd[0], odd[1] = 1.0, z, 1.0
+        z, q = _prepare(rB if satellite else rA, e, sign * gm, radius, n_max, width, c, s)
+        p[:] = 0.0
+        p[0], p[width], p[width + 1] = 1.0, z, 1.0  # degrees 0 and 1
+        at_c, at_s = 0, (n_max + 1) * (n_max + 2) // 2 - 3
         for n in range(2, n_max + 1):
-            if n % 2 == 0:
-                p = even
-                _degree(n, z, q, odd, even)
-            else:
-                p = odd
-                _degree(n, z, q, even, odd)
-            i, j = n * (n + 1) // 2 - 3, first_s + n * (n - 1) // 2 - 1
-            _add_degree(n, p, factors[n], c, s, out[i : i + n + 1], out[j : j + n])
+            here = (n % 2) * width
+            _next_degree(n, z, q, p, width - here, here, table)
+            _add_degree(n, 0, p, here, table, width, c, out, at_c)
+            _add_degree(n, 1, p, here, table, width, s, out, at_s)
+            at_c += n + 1
+            at_s += n
 
 
 @njit(cache=True)
-def _design_rows(rA, rB, e, gm, radius, factors, out):
+def _design_rows(rA, rB, e, gm, radius, n_max, table, out):
     for i in range(rA.shape[0]):
-        design_row(rA[i], rB[i], e[i], gm, radius, factors, out[i])
+        design_row(rA[i], rB[i], e[i], gm, radius, n_max, table, out[i])
 
 
 def design_block(
@@ -162,5 +188,5 @@ def design_block(
         out = np.empty(shape)
     elif out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
         raise ValueError(f"out is {out.dtype} {out.shape}, it must be C-contiguous float64 {shape}")
-    _design_rows(rA, rB, e, float(gm), float(radius), _factors(n_max), out)
+    _design_rows(rA, rB, e, float(gm), float(radius), n_max, row_table(n_max), out)
     return out

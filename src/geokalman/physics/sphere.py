@@ -208,27 +208,43 @@ def _fill_spectrum(
         k = column[i]
         sign = -1.0 if south[i] else 1.0
         for m in range(count):
-            spectrum[i, m] = phase[m] * complex(sums[0, m, k] + sign * sums[2, m, k], -sums[1, m, k] - sign * sums[3, m, k])
+            a, b = sums[0, m, k] + sign * sums[2, m, k], sums[1, m, k] + sign * sums[3, m, k]
+            spectrum[i, m] = phase[m] * complex(a, -b)
         spectrum[i, 0] *= 2.0
         spectrum[i, count:] = 0.0
 
 
 @njit(cache=True)
+def _step_factors(n: int, m: int) -> tuple[float, float]:
+    """a_nm and b_nm of P_nm = a_nm t P_(n-1)m - b_nm P_(n-2)m, n > m (Holmes & Featherstone 2002, equation 12)."""
+    d = float((n - m) * (n + m))
+    a = np.sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / d)
+    if n == m + 1:
+        return a, 0.0
+    return a, np.sqrt((2.0 * n + 1.0) * (n + m - 1.0) * (n - m - 1.0) / (d * (2.0 * n - 3.0)))
+
+
+@njit(cache=True)
+def _sectorial_factor(m: int) -> float:
+    """P_mm / (u P_(m-1)(m-1))."""
+    return np.sqrt(3.0) if m == 1 else np.sqrt((2.0 * m + 1.0) / (2.0 * m))
+
+
+@njit(cache=True)
 def _legendre(n_max: int, t: Array, u: Array, out: Array) -> None:
-    for i in range(t.size):
-        power = 1.0 / _SCALE  # u^m / _SCALE
-        seed = _SCALE  # _SCALE P_mm / u^m
-        for m in range(n_max + 1):
-            before, now = 0.0, seed
-            out[i, m, m] = now * power
-            for n in range(m + 1, n_max + 1):
-                d = float((n - m) * (n + m))
-                a = np.sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / d)
-                b = np.sqrt((2.0 * n + 1.0) * (n + m - 1.0) * (n - m - 1.0) / (d * (2.0 * n - 3.0))) if n > m + 1 else 0.0
-                before, now = now, a * t[i] * now - b * before
-                out[i, n, m] = now * power
-            seed *= np.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0)) if m > 0 else np.sqrt(3.0)
-            power *= u[i]
+    power = np.full(t.size, 1.0 / _SCALE)  # u^m / _SCALE
+    ones = np.ones(t.size)
+    seed = _SCALE  # _SCALE P_mm / u^m
+    for m in range(n_max + 1):
+        before, now = np.zeros(t.size), np.full(t.size, seed)
+        out[:, m, m] = now * power
+        for n in range(m + 1, n_max + 1):
+            a, b = _step_factors(n, m)
+            _advance(a, b, t, ones, before, now)
+            before, now = now, before
+            out[:, n, m] = now * power
+        seed *= _sectorial_factor(m + 1)
+        power *= u
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -270,9 +286,7 @@ def _legendre_sums(C: Array, S: Array, t: Array, u: Array, q: Array, sums: Array
         parity = 0
         _add(C[m, m], S[m, m], now, sums[0, m, :last], sums[1, m, :last])
         for n in range(m + 1, n_max + 1):
-            d = float((n - m) * (n + m))
-            a = np.sqrt((2.0 * n - 1.0) * (2.0 * n + 1.0) / d)
-            b = np.sqrt((2.0 * n + 1.0) * (n + m - 1.0) * (n - m - 1.0) / (d * (2.0 * n - 3.0))) if n > m + 1 else 0.0
+            a, b = _step_factors(n, m)
             _advance(a, b, tm, qm, before, now)
             before, now = now, before
             parity = 2 - parity
@@ -280,6 +294,6 @@ def _legendre_sums(C: Array, S: Array, t: Array, u: Array, q: Array, sums: Array
         for k in range(4):
             for i in range(last):
                 sums[k, m, i] *= power[i]
-        seed *= np.sqrt((2.0 * m + 3.0) / (2.0 * m + 2.0)) if m > 0 else np.sqrt(3.0)
+        seed *= _sectorial_factor(m + 1)
         for i in range(t.size):
             power[i] *= u[i] * q[i]

@@ -256,21 +256,29 @@ def decided_by(root: Path, notebook: str) -> list[Claim]:
 
 # Tables
 
-HEADER = ("Where", "The paper says", "Printed", "Read", "Ours", "Verdict", "Why")
+HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 
 
 def row(judgement: Judgement, judged: bool = True) -> list[str]:
+    """Cells of a claim under `HEADER`: place and words, printed number (and our reading of it), ours, verdict, reason."""
     claim, ours = judgement.claim, judgement.ours
-    unit = f" {claim.unit}" if claim.unit else ""
 
     def shown(value: float | str | None, digits: int = 4) -> str:
         if value is None:
             return ""
-        return value if isinstance(value, str) else f"{display.number(value, digits)}{unit}"
+        return value if isinstance(value, str) else display.quantity(value, claim.unit, digits)
 
-    reads = f"{shown(claim.reads)} ({claim.because})" if claim.reads is not None else ""
-    verdict = (judgement.verdict or "not computed") if judged else ""
-    return [claim.where, claim.says, shown(claim.printed, 6), reads, shown(ours), verdict, judgement.why if judged else ""]
+    printed = "" if claim.printed is None else shown(claim.printed, _digits(claim.printed))
+    if claim.reads is not None:
+        printed = "; ".join([*([printed] if printed else []), f"read as {shown(claim.reads, _digits(claim.reads))}"])
+    why = "; ".join(text for text in (claim.because if claim.reads is not None else None, judgement.why) if text)
+    says = f"{claim.where}: {claim.says}"
+    return [says, printed, shown(ours), (judgement.verdict or "not computed") if judged else "", why if judged else ""]
+
+
+def _digits(value: float | str) -> int:
+    """Significant digits of a printed number, at most six."""
+    return 0 if isinstance(value, str) else sum(c.isdigit() for c in f"{value:.5e}".partition("e")[0].rstrip("0"))
 
 
 def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tuple[list[str], list[list[str]], str]:
@@ -279,9 +287,8 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
     caption = "What the paper prints, how we read it, our number, and the verdict."
     if not judge:
         caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
-    drop = () if judge else ("Verdict", "Why")
-    keep = [k for k, name in enumerate(HEADER) if name not in drop]
     rows = [row(j, judge) for j in judgements]
+    keep = [k for k, name in enumerate(HEADER) if name in HEADER[:3] or any(r[k] for r in rows)]
     return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
 
 

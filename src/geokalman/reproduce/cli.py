@@ -14,6 +14,7 @@ import typer
 from geokalman import files
 from geokalman.reproduce.errors import Fault
 
+_INTERRUPTED = 130
 app = typer.Typer(
     help="Recompute, change and judge the notebooks of the book.", no_args_is_help=True, add_completion=False,
     pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -73,15 +74,19 @@ def run(
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
+    from concurrent.futures import ThreadPoolExecutor
+
     from geokalman.reproduce import execute, parameters
     from geokalman.reproduce.progress import Display
 
     root = _root()
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
     folder = out if out is not None else execute.default_out(root, notebook, given, quick)
-    with Display() as display, display.notebook(notebook) as progress:
-        try:
-            folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
+    execute.refuse_foreign(folder.resolve())
+    with Display() as display, display.notebook(notebook) as progress, ThreadPoolExecutor(1) as pool:
+        task = pool.submit(execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
+        try:  # in a thread, where Ctrl-C reaches us and not the event loop that talks to the kernel
+            folder = task.result()
         except KeyboardInterrupt:
             execute.stop_all()
             raise
@@ -113,7 +118,7 @@ def claims(
         for judgement in claims.judge_paper(root, name):
             row = claims.row(judgement)
             if not judgement.as_expected:
-                row[5] += f", not {judgement.claim.verdict}"
+                row[5] += f" (expected {judgement.claim.verdict})"
             table.add_row(judgement.claim.id, *map(_plain, row))
         _console().print(table)
 
@@ -221,11 +226,11 @@ def _plain(text: str) -> str:
 def main() -> None:
     """Entry point of the command `geokalman`: faults are one sentence on standard error and an exit code."""
     try:
-        code = app(standalone_mode=False)  # gives the code of typer.Exit
+        code = app(prog_name="geokalman", standalone_mode=False)  # gives the code of typer.Exit
     except (Fault, files.ProjectNotFound, files.CorruptedData) as error:
         _leave(str(error), getattr(error, "exit_code", 1))
-    except (KeyboardInterrupt, typer.Abort):
-        _leave("interrupted; what was finished stays.", 130)
+    except KeyboardInterrupt:
+        code = _INTERRUPTED
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)
@@ -235,6 +240,8 @@ def main() -> None:
             raise
         text = usage()
         _leave(text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2)
+    if code == _INTERRUPTED:  # typer's own code for Ctrl-C
+        _leave("interrupted; what was finished stays.", _INTERRUPTED)
     sys.exit(code or 0)
 
 

@@ -6,6 +6,7 @@ import base64
 import html
 import math
 import numbers
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -29,6 +30,12 @@ def number(value: float, digits: int = 4) -> str:
     else:
         text = f"{mantissa} × 10{str(power).translate(_SUPERSCRIPT)}"
     return text.replace("-", "−")
+
+
+def quantity(value: float, unit: str = "", digits: int = 4) -> str:
+    """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`."""
+    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
+    return f"{number(value, digits)} {raised}".rstrip()
 
 
 def cell(value: Any, form: str | None = None) -> str:

@@ -37,12 +37,11 @@ Progress = Callable[[int, int], None]
 
 
 class ExecutionFailed(Fault):
-    """A notebook raised an error; `notebook` and `kept` (the failed copy) say which and where."""
+    """A cell of a notebook raised an error; the message says which and where."""
 
-    def __init__(self, message: str, notebook: str, kept: Path | None = None) -> None:
+    def __init__(self, message: str, notebook: str) -> None:
         super().__init__(message)
         self.notebook = notebook
-        self.kept = kept
 
 
 def run(
@@ -64,7 +63,7 @@ def run(
     values = dict(specification.quick) if quick else {}
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
-    _refuse_foreign(out)
+    refuse_foreign(out)
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -89,8 +88,11 @@ def _run_alone(
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
-            _write_notebook(failed, executed)
-            raise ExecutionFailed(f"FAILED {name}: {error}\n  traceback: {failed}", name, failed)
+            message = f"FAILED {name}: {error}"
+            with contextlib.suppress(Fault):  # where even this cannot be written, the error itself is what matters
+                _write_notebook(failed, executed)
+                message += f"\n  traceback: {failed}"
+            raise ExecutionFailed(message, name)
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         _write_notebook(record / "notebook.ipynb", executed)
@@ -133,7 +135,8 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     return root / "runs" / name / plain
 
 
-def _refuse_foreign(out: Path) -> None:
+def refuse_foreign(out: Path) -> None:
+    """Raise Misuse where `out` is a file, or a folder with other things in it than a run."""
     if out.is_dir():
         inside = sorted(p.name for p in out.iterdir())
         if inside and "provenance.json" not in inside:
@@ -182,8 +185,8 @@ def _execute(
         if progress and cell.cell_type == "code":
             progress(index.get(cell.get("id"), 0) + 1, len(index))
 
-    (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
     try:
+        (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
         return papermill.execute_notebook(
             str(work / "in.ipynb"), str(work / "out.ipynb"), parameters=dict(values), kernel_name="python3",
             progress_bar=False, cwd=str((root / "book" / name).parent), kernel_manager_class=Kernel,
@@ -193,8 +196,11 @@ def _execute(
         import nbformat
 
         return nbformat.read(work / "out.ipynb", as_version=4)
-    except (RuntimeError, OSError) as error:
+    except RuntimeError as error:  # nbclient's DeadKernelError is one
         raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
+    except OSError as error:
+        with atomic.explained(work):
+            raise error
 
 
 def _as_json(notebook: NotebookNode) -> str:

@@ -3,7 +3,8 @@
 Why not joblib.Memory, whose hash of arguments we keep: it keys a result on the source of the decorated function alone, so an
 edited callee gives a stale result; it has no checksum, so a flipped bit in a stored array is returned as a result; and two
 processes that ask at once both compute. Here the key adds `sources.code_hash` of the function's module, the entry carries a
-BLAKE2b digest, and a file lock makes the second one wait. Cost measured: 0.3 s to store and 0.2 s to fetch 200 MB.
+SHA-256 digest, and a file lock makes the second one wait. Processor time measured for 200 MB: 0.6 s to
+store, 0.24 s to fetch, and 0.5 s to hash where an argument is that large.
 """
 
 from __future__ import annotations
@@ -80,7 +81,7 @@ class Memo:
                     warnings.warn(f"A kept result was damaged ({error}); computing it anew.", stacklevel=3)
             result = compute()
             try:
-                with atomic.open_whole(entry) as stream:
+                with atomic.open_whole(entry, durable=False) as stream:  # a checksum guards it
                     _write(stream, result)
             except Fault as error:
                 warnings.warn(f"A result was not kept: {error}", stacklevel=3)
@@ -129,7 +130,7 @@ class _Hashing:
 
     def __init__(self, stream: BinaryIO) -> None:
         self.stream = stream
-        self.digest = hashlib.blake2b(digest_size=_DIGEST)
+        self.digest = hashlib.sha256()
 
     def write(self, data: Any) -> int:
         self.digest.update(data)
@@ -147,7 +148,7 @@ def _read(path: Path) -> Any:
     """The result stored at `path`; raises ValueError where the bytes are not those that were written."""
     size = path.stat().st_size - _DIGEST
     with open(path, "rb") as stream:
-        digest = hashlib.blake2b(digest_size=_DIGEST)
+        digest = hashlib.sha256()
         left = size
         while left > 0 and (block := stream.read(min(left, 1 << 20))):
             digest.update(block)

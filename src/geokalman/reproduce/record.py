@@ -213,7 +213,7 @@ class Notebook:
 
         header, rows, caption = claims.of_notebook(self._root, self.name, self._metrics, judge=self.mode == "paper")
         if rows:
-            self.table("verdicts", header, rows, caption)
+            self.table(f"verdicts-{self.name.rpartition('/')[2].lower()}", header, rows, caption)
 
     def finish(self) -> None:
         """Write the record whole into the run folder `out`; raises Fault, leaving what stood there, where it cannot."""

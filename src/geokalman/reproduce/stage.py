@@ -6,7 +6,7 @@ away, one click from the reader; each page says how it was made and how to rerun
 
 from __future__ import annotations
 
-import re
+import json
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,11 +18,11 @@ from filelock import FileLock
 
 from geokalman.reproduce import notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
+from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman.reproduce.errors import Fault
 
 _ASSETS = {".bib", ".css", ".js", ".svg", ".png", ".py", ".csv", ".txt"}
-_PLACEHOLDER = re.compile(r"^<!--\s*(verdicts|verdict-summary)\s*(?::\s*([\w-]+)\s*)?-->\s*$", re.M)
 
 
 class StageError(Fault):
@@ -85,22 +85,6 @@ def toc_pages(toc: Path) -> list[str]:
     return found
 
 
-def fill(text: str, root: Path) -> str:
-    """Replace the lines `<!-- verdicts: PAPER -->` and `<!-- verdict-summary -->` by what the ledgers say now."""
-
-    from geokalman.reproduce import claims
-
-    def block(match: re.Match) -> str:
-        kind, paper = match.groups()
-        if kind == "verdict-summary":
-            return f"\n{claims.summary_markdown(root)}\n"
-        if not paper:
-            raise StageError(f"{match.group(0).strip()} names no paper; write <!-- verdicts: PAPER -->.")
-        return f"\n{claims.verdicts_markdown(root, paper)}\n"
-
-    return _PLACEHOLDER.sub(block, text)
-
-
 def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
     """The executed notebook of `run` as a page of the book; what it shows or offers is copied into the folder `files`."""
     notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
@@ -110,9 +94,12 @@ def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.No
         tags = cell.metadata.get("tags", [])
         if cell.cell_type == "markdown":
             cells.append(_markdown(fill(cell.source, root)))
-        elif cell.cell_type == "code" and "quick" not in tags and cell.source.strip() != "nb.finish()":
+        elif cell.cell_type == "code" and "quick" not in tags:
+            _drop_finish(cell)
+            if not cell.source:
+                continue
             shown = [_directive(page, output, run, files) for output in cell.outputs]
-            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None]
+            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None and not _echo(output)]
             _fold(cell)
             if cells and _joins(cells[-1], cell):
                 cells[-1].source += "\n\n" + cell.source
@@ -164,6 +151,18 @@ def _fold(cell: nbformat.NotebookNode) -> None:
     cell.metadata.pop("papermill", None)
 
 
+def _drop_finish(cell: nbformat.NotebookNode) -> None:
+    """Take `nb.finish()` and the line that it prints out of the notebook's last cell: they say nothing to a reader."""
+    lines = cell.source.rstrip().splitlines()
+    if not lines or lines[-1] != "nb.finish()":
+        return
+    cell.source = "\n".join(lines[:-1]).rstrip()
+    for output in cell.outputs:
+        if output.get("name") == "stdout":
+            output.text = "".join(output.text.splitlines(keepends=True)[:-1])
+    cell.outputs = [output for output in cell.outputs if output.get("text", "kept")]
+
+
 def _joins(before: nbformat.NotebookNode, cell: nbformat.NotebookNode) -> bool:
     """Whether two folded code cells with nothing shown between them become one."""
     folded = all("hide-input" in c.metadata.get("tags", []) for c in (before, cell))
@@ -182,6 +181,11 @@ def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path)
     return None
 
 
+def _echo(output: nbformat.NotebookNode) -> bool:
+    """Whether an output only echoes the value of a cell's last expression; what is meant for readers is displayed or printed."""
+    return output.get("output_type") == "execute_result" and set(output.get("data", {})) <= {"text/plain"}
+
+
 def label(page: str, name: str) -> str:
     """Label by which pages refer to a figure or table: its name; the table `verdicts`, one a notebook, adds the page's."""
     return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
@@ -193,7 +197,7 @@ def _figure(page: str, record: dict, run: Path, files: Path) -> str:
         _copy(source, files / source.name)
     return (
         f"```{{figure}} {files.name}/{record['name']}.light.png\n:name: {label(page, record['name'])}\n"
-        f":alt: {_line(record['alt'])}\n:width: {record['width']}px\n\n"
+        f":alt: {json.dumps(_line(record['alt']), ensure_ascii=False)}\n:width: {record['width']}px\n\n"
         f"{_line(record['caption'])}\n{_data_link(record, run, files)}```"
     )
 
@@ -202,6 +206,8 @@ def _table(page: str, record: dict, run: Path, files: Path) -> str:
     rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
     rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
     body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
+    if record["name"] == "verdicts":
+        body = claims_table(record["header"], record["rows"])
     head = f"```{{table}} {_line(record['caption'])}\n:name: {label(page, record['name'])}\n\n"
     return f"{head}{body}\n```\n{_data_link(record, run, files)}"
 

@@ -1,0 +1,127 @@
+"""What the prose has filled in when the book is staged: blocks, called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`,
+and recorded numbers, called by `[[<paper>/<notebook>:<key>]]` within a sentence."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from geokalman.reproduce import claims, display, notebooks
+from geokalman.reproduce.errors import Fault
+
+_SHELVES = ("kalman", "physics", "geokalman")  # first in the list of the package; the applications follow
+_LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
+_NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
+
+
+def fill(text: str, root: Path) -> str:
+    """Replace each call of a block or of a recorded number; raises Fault for an argument too many or too few, or an unknown number."""
+
+    def block(match: re.Match[str]) -> str:
+        name, argument = match.groups()
+        if name not in BLOCKS:
+            return match.group(0)  # an ordinary comment
+        make, wanted = BLOCKS[name]
+        if bool(argument) != bool(wanted):
+            right = f"<!-- {name}: {wanted} -->" if wanted else f"<!-- {name} -->"
+            raise Fault(f"{match.group(0).strip()} is no block; write {right}.")
+        return f"\n{make(root, argument) if wanted else make(root)}\n"
+
+    return _NUMBER.sub(lambda match: recorded_number(root, *match.groups()), _LINE.sub(block, text))
+
+
+def recorded_number(root: Path, notebook: str, key: str) -> str:
+    """A recorded number of this build with its unit, for a sentence; raises Fault where there is none of that name."""
+    metrics = claims.recorded(root, notebook)
+    if metrics is None or key not in metrics:
+        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {', '.join(metrics or {}) or 'nothing yet'}.")
+    return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
+
+
+def verdicts(root: Path, paper: str) -> str:
+    """Table of all claims of a paper with their verdicts, numbered and captioned."""
+    rows = [claims.row(judgement) for judgement in claims.judge_paper(root, paper)]
+    caption = "Every number and claim that the paper prints, and what this build found."
+    return f"```{{table}} {caption}\n:name: claims-{paper}\n\n{claims_table(claims.HEADER, rows)}\n```\n"
+
+
+def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Claims in columns that fit a page: the reason of a verdict stands small below what the paper says."""
+    shown = [name for name in header if name != "Why"]
+    lines = [f"| {' | '.join(shown)} |", f"|{' --- |' * len(shown)}"]
+    for row in rows:
+        told = {name: _unbroken(_plain(text)) for name, text in zip(header, row, strict=True)}
+        if told.pop("Why", ""):
+            told[shown[0]] += f"<br><small>{_plain(row[header.index('Why')])}</small>"
+        lines.append(f"| {' | '.join(told[name] for name in shown)} |")
+    return "\n".join(lines)
+
+
+def _unbroken(text: str) -> str:
+    """Text in which a number is not torn from its power of ten."""
+    return re.sub(r"(?<=\d) × (?=10)", "\u00a0×\u00a0", text)
+
+
+def _plain(text: str) -> str:
+    """Text on one line whose markup characters are harmless in a cell of a Markdown table."""
+    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"\s+", " ", text))
+
+
+def run_times(root: Path) -> str:
+    """Table of the notebooks with the time that each took in this build."""
+    rows, total = [], 0.0
+    for name in notebooks.names(root):
+        path = root / "book" / "_build" / "runs" / name / "provenance.json"
+        if path.is_file():
+            told = json.loads(path.read_text(encoding="utf-8"))
+            total += told["seconds"]
+            rows.append(f"| {{doc}}`/{name}` | {told['seconds']:.1f} |")
+    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, f"| all | {total:.1f} |"])
+
+
+def api(root: Path) -> str:
+    """The public functions and classes of the package, module by module: signature and first sentence."""
+    package = root / "src" / "geokalman"
+    parts = []
+    for path in sorted(package.rglob("*.py"), key=lambda p: (_SHELVES.index(p.parent.name) if p.parent.name in _SHELVES else 9, p)):
+        names = path.relative_to(package.parent).with_suffix("").parts
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        public = [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_" and ast.get_docstring(n)]
+        if public and "reproduce" not in names:
+            dotted = ".".join(names[:-1] if names[-1] == "__init__" else names)
+            parts += [f"## `{dotted}`", "", _sentence(tree), ""]
+            for node in public:
+                parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
+    return "\n".join(parts)
+
+
+def _signature(node: ast.FunctionDef | ast.ClassDef) -> str:
+    if isinstance(node, ast.ClassDef):
+        return f"class {node.name}"
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
+    if node.args.vararg:
+        names.append(f"*{node.args.vararg.arg}")
+    elif node.args.kwonlyargs:
+        names.append("*")
+    names += [a.arg for a in node.args.kwonlyargs]
+    return f"{node.name}({', '.join(names)})"
+
+
+def _sentence(node: ast.AST) -> str:
+    """First sentence of a docstring, its markup characters outside of `code` made harmless."""
+    text = " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
+    text = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", text)[0]
+    plain = re.sub(r"``?([^`]+)``?", r"`\1`", text).split("`")
+    return "`".join(part if k % 2 else _plain(part) for k, part in enumerate(plain))
+
+
+BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
+    "verdicts": (verdicts, "PAPER"),
+    "verdict-summary": (claims.summary_markdown, ""),
+    "run-times": (run_times, ""),
+    "api": (api, ""),
+}
+"""Name -> what makes it, and the name of its argument, if it has one."""

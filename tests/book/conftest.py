@@ -1,0 +1,63 @@
+"""A browser, and a book to look at: the toy book, or the one that GEOKALMAN_BOOK names (`make check`)."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+_spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
+toybook = importlib.util.module_from_spec(_spec)
+sys.modules["toybook"] = toybook
+_spec.loader.exec_module(toybook)
+
+
+@pytest.fixture
+def toy_root(tmp_path: Path) -> Path:
+    """A clone-like folder with a small book whose notebook was executed."""
+    return toybook.make(tmp_path / "clone")
+
+
+@pytest.fixture(scope="session")
+def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the HTML under test."""
+    told = os.environ.get("GEOKALMAN_BOOK")
+    if told:
+        if not (Path(told) / "index.html").is_file():
+            pytest.fail(f"GEOKALMAN_BOOK={told} holds no index.html; call `make book` first.")
+        return Path(told).resolve()
+    from geokalman.reproduce import html, stage
+
+    root = toybook.make(tmp_path_factory.mktemp("browser") / "clone")
+    stage.stage(root)
+    return html.build(root)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """Path of a Chromium; without one the tests skip, or fail where GEOKALMAN_REQUIRE_BROWSER is set."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = os.environ.get("GEOKALMAN_BROWSER") or next(filter(None, map(shutil.which, names)), None)
+    if found is None:
+        reason = "no Chromium found; install one (Debian: chromium) or name it by GEOKALMAN_BROWSER"
+        if os.environ.get("GEOKALMAN_REQUIRE_BROWSER") == "1":
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return found
+
+
+@pytest.fixture(scope="session")
+def browser(chromium: str) -> Iterator:
+    """The browser, headless, without errands of its own."""
+    from playwright.sync_api import sync_playwright
+
+    quiet = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--disable-background-networking"]
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=chromium, args=quiet)
+        yield started
+        started.close()

@@ -1,0 +1,240 @@
+"""Staging and HTML of a small book: what becomes of a notebook's outputs, and that a page is whole or not there."""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import nbformat
+import pytest
+import toybook
+
+from geokalman.reproduce import blocks, html, stage
+from geokalman.reproduce.errors import Fault
+
+RUN = Path("book/_build/runs") / toybook.PAGE
+
+
+def staged(root: Path) -> nbformat.NotebookNode:
+    return nbformat.read(stage.stage(root) / f"{toybook.PAGE}.ipynb", as_version=4)
+
+
+def text(root: Path, kind: str) -> str:
+    return "\n\n".join(cell.source for cell in staged(root).cells if cell.cell_type == kind)
+
+
+def rerecord(root: Path, change) -> None:
+    """Change the executed notebook of the toy page."""
+    path = root / RUN / "notebook.ipynb"
+    notebook = nbformat.read(path, as_version=4)
+    change(notebook)
+    nbformat.write(notebook, path)
+
+
+def test_pages_come_in_the_order_of_the_contents(toy_root: Path) -> None:
+    assert stage.toc_pages(toy_root / "book/_toc.yml") == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
+
+
+def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> None:
+    prose = text(toy_root, "markdown")
+    assert "```{figure} 01-wave.files/wave.light.png\n:name: wave\n" in prose
+    assert ':alt: "A \\"sine\\": 100 % of #1 [five] periods"\n:width: 720px\n\nA wave of height $h$.\n' in prose
+    assert "{download}`Data (CSV, one row in 2) <01-wave.files/wave.csv>`" in prose
+    files = toy_root / "book/_build/site/toy/01-wave.files"
+    for name in ("wave.light.png", "wave.dark.png", "wave.csv"):
+        assert (files / name).read_bytes() == (toy_root / RUN / "figures" / name).read_bytes()
+
+
+def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) -> None:
+    prose = text(toy_root, "markdown")
+    assert "```{table} Two methods.\n:name: rms\n\n| method | rms / m |\n| --- | ---: |\n" in prose
+    assert "| EKF | 0.8 \\| 0.9 |" in prose
+    assert "{download}`Data (CSV) <01-wave.files/rms.csv>`" in prose
+
+
+def test_the_reason_of_a_verdict_stands_below_the_claim(toy_root: Path) -> None:
+    assert (
+        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n| --- | --- | --- |\n"
+        "| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
+    ) in text(toy_root, "markdown")
+
+
+def test_an_echoed_value_is_not_shown(toy_root: Path) -> None:
+    echo = nbformat.v4.new_output("execute_result", data={"text/plain": "1.2345"}, execution_count=1)
+    rerecord(toy_root, lambda notebook: notebook.cells[3].outputs.append(echo))
+    assert "1.2345" not in json.dumps(staged(toy_root))
+
+
+def test_a_figure_without_data_offers_none(toy_root: Path) -> None:
+    def without(notebook) -> None:
+        record = next(o.data[toybook.FIGURE_TYPE] for c in notebook.cells for o in c.get("outputs", []) if toybook.FIGURE_TYPE in o.get("data", {}))
+        del record["files"]["csv"]
+
+    rerecord(toy_root, without)
+    assert "wave.csv" not in text(toy_root, "markdown")
+
+
+def test_each_notebook_has_a_label_of_its_own_for_its_verdicts() -> None:
+    assert stage.label("toy/01-wave", "verdicts") == "verdicts-toy-01-wave"
+    assert stage.label("toy/01-wave", "wave") == "wave"
+
+
+def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
+    code = [cell for cell in staged(toy_root).cells if cell.cell_type == "code"]
+    sources = "\n".join(cell.source for cell in code)
+    assert "quick" not in sources
+    assert "nb.finish()" not in sources
+    assert all("hide-input" in cell.metadata.tags for cell in code)
+    assert code[0].source.startswith("frequency = 2.0") and "Notebook(" in code[0].source and "nb.figure" in code[0].source
+    assert code[0].metadata.mystnb.code_prompt_show == "Parameters: show"
+    assert [o.text for cell in code for o in cell.outputs] == ["x" * 200 + "\n", "the end\n"]
+
+
+def test_an_author_may_show_a_cell(toy_root: Path) -> None:
+    rerecord(toy_root, lambda notebook: notebook.cells[4].metadata.update(tags=["show-input"]))
+    shown = [cell for cell in staged(toy_root).cells if cell.cell_type == "code" and "hide-input" not in cell.metadata.tags]
+    assert [cell.source for cell in shown] == ["nb.figure('wave', draw)"]
+
+
+def test_the_foot_reruns_and_offers(toy_root: Path) -> None:
+    prose = text(toy_root, "markdown")
+    assert "geokalman run toy/01-wave frequency=1\n" in prose
+    assert "| `frequency` | `2.0` | Hz | `(0, 10]` | of the wave |" in prose
+    assert "{download}`01-wave.ipynb <01-wave.files/01-wave.ipynb>`" in prose
+    assert "commit `0000000000` with uncommitted changes" in prose
+    offered = toy_root / "book/_build/site/toy/01-wave.files/01-wave.ipynb"
+    assert offered.read_bytes() == (toy_root / RUN / "notebook.ipynb").read_bytes()
+
+
+def test_verdicts_are_filled_in(toy_root: Path) -> None:
+    site = stage.stage(toy_root)
+    assert "| reproduced |" in (site / "toy/index.md").read_text()
+    assert "[The toy paper](toy/index.md)" in (site / "index.md").read_text()
+
+
+def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
+    assert blocks.fill("<!-- an ordinary comment -->", toy_root) == "<!-- an ordinary comment -->"
+    with pytest.raises(Fault, match=r"<!-- verdicts --> is no block; write <!-- verdicts: PAPER -->"):
+        blocks.fill("<!-- verdicts -->", toy_root)
+    with pytest.raises(Fault, match=r"write <!-- run-times -->"):
+        blocks.fill("<!-- run-times: toy -->", toy_root)
+
+
+def test_run_times_and_the_package_list(toy_root: Path) -> None:
+    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
+    module = toy_root / "src/geokalman/part.py"
+    module.parent.mkdir(parents=True)
+    module.write_text(
+        '"""A part."""\n\ndef act(a, *rest, key=1):\n    """Gives a*b from `a`. More."""\n\n'
+        'def _hidden():\n    """Not shown."""\n\nclass Thing:\n    """A thing."""\n'
+    )
+    listed = blocks.api(toy_root)
+    assert "## `geokalman.part`\n\nA part.\n" in listed
+    assert "`act(a, *rest, key)`\n: Gives a\\*b from `a`.\n" in listed
+    assert "`class Thing`\n: A thing.\n" in listed
+    assert "hidden" not in listed
+
+
+def test_what_is_missing_is_named(toy_root: Path) -> None:
+    figure = toy_root / RUN / "figures/wave.dark.png"
+    kept = figure.read_bytes()
+    figure.unlink()
+    with pytest.raises(stage.StageError, match=r"wave\.dark\.png is missing, though the notebook recorded it"):
+        stage.stage(toy_root)
+    figure.write_bytes(kept)
+    shutil.rmtree(toy_root / RUN)
+    with pytest.raises(stage.StageError, match=r"not executed yet: toy/01-wave"):
+        stage.stage(toy_root)
+    (toy_root / "book/practice/rerun.md").unlink()
+    with pytest.raises(stage.StageError, match=r"lists pages that do not exist: book/practice/rerun\.md"):
+        stage.stage(toy_root)
+
+
+def test_the_site_is_whole_or_the_last_one(toy_root: Path) -> None:
+    site = stage.stage(toy_root)
+    before = tree(site)
+    (toy_root / RUN / "tables/rms.csv").unlink()
+    with pytest.raises(stage.StageError):
+        stage.stage(toy_root)
+    assert tree(site) == before
+    assert [p.name for p in site.parent.iterdir() if p.name.startswith(".site")] == []
+
+
+def test_pages_that_left_the_book_leave_the_site(toy_root: Path) -> None:
+    extra = toy_root / "book/practice/extra.md"
+    extra.write_text("# Extra\n")
+    contents = toy_root / "book/_toc.yml"
+    kept = contents.read_text()
+    contents.write_text(kept + "  - file: practice/extra\n")
+    assert (stage.stage(toy_root) / "practice/extra.md").exists()
+    contents.write_text(kept)
+    assert not (stage.stage(toy_root) / "practice/extra.md").exists()
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Path -> SHA-256 of all files below a folder."""
+    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def test_the_page_of_a_notebook_in_html(toy_root: Path) -> None:
+    stage.stage(toy_root)
+    page = (html.build(toy_root) / f"{toybook.PAGE}.html").read_text()
+    assert page.count('class="dark-light twin-light"') >= 1 and page.count('class="dark-light twin-dark"') >= 1
+    assert page.count("<figcaption>") == page.count("</figcaption>") == 1
+    assert '<span class="verdict verdict-calibrated">calibrated</span>' in page
+    assert "Figure 1 " in page and "Table 2 " in page  # the first table is that of the paper's claims
+    assert 'rel="preload" as="font"' not in page
+    assert "://" not in "".join(line for line in page.splitlines() if "<script" in line or "<link" in line)
+
+
+def test_an_unchanged_book_is_left_alone_and_a_failing_one_leaves_the_last(toy_root: Path) -> None:
+    stage.stage(toy_root)
+    book = html.build(toy_root)
+    index = book / "index.html"
+    inode, before = index.stat().st_ino, tree(book)
+    stage.stage(toy_root)
+    html.build(toy_root)
+    assert index.stat().st_ino == inode
+    (toy_root / "book/index.md").write_text("# A toy book\n\n{numref}`nowhere`\n")
+    stage.stage(toy_root)
+    with pytest.raises(html.BookError, match=r"(?s)the last good one stays.*WARNING.*nowhere"):
+        html.build(toy_root)
+    assert tree(book) == before
+    assert "nowhere" in (book.parent / "html.log").read_text()
+    assert (html.build(toy_root, strict=False) / "index.html").stat().st_ino != inode
+
+
+def test_without_a_staged_book_there_is_nothing_to_build(toy_root: Path) -> None:
+    with pytest.raises(html.BookError, match=r"holds no staged book"):
+        html.build(toy_root)
+
+
+def test_two_builds_in_two_places_are_the_same(tmp_path: Path) -> None:
+    trees = []
+    for name in ("one", "another"):
+        root = toybook.make(tmp_path / name)
+        stage.stage(root)
+        trees.append(tree(html.build(root)))
+    assert trees[0] == trees[1]
+
+
+def test_a_full_disk_leaves_the_last_site(toy_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    site = stage.stage(toy_root)
+    before = tree(site)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(nbformat, "write", full)
+    with pytest.raises(Fault, match=r"site: the disk is full; free some space"):
+        stage.stage(toy_root)
+    assert tree(site) == before
+
+
+def test_provenance_without_a_commit(toy_root: Path) -> None:
+    path = toy_root / RUN / "provenance.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"commit": None}))
+    assert "from sources outside git (python 3.11.7" in text(toy_root, "markdown")

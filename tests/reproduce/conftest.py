@@ -1,0 +1,176 @@
+"""A toy clone of the project: two quick notebooks, one ledger, no physics."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEADER = """---
+jupytext:
+  text_representation: {extension: .md, format_name: myst}
+kernelspec: {display_name: Python 3, language: python, name: python3}
+---
+"""
+LINE = HEADER + r"""
+# A straight line
+
+With slope $s$, see {numref}`line`:
+
+$$
+y = s t
+$$ (slope)
+
+```{code-cell} ipython3
+:tags: [parameters]
+
+slope = 2.0      # (0, 10] m/s: slope of the line
+n = 50           # [2, 1000]: number of points
+table = ""       # path: a file to read
+```
+
+```{code-cell} ipython3
+:tags: [quick]
+
+quick = {"n": 5}
+```
+
+```{code-cell} ipython3
+import numpy as np
+
+from geokalman.reproduce import Notebook
+
+nb = Notebook("toy/01-line", globals())
+```
+
+```{code-cell} ipython3
+def draw(t, y):
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots()
+    axes.plot(t, y)
+    axes.set(xlabel="t", ylabel="y")
+    return figure
+
+
+t = np.arange(nb.params.n, dtype=float)
+nb.array("line.y", slope * t, "m")
+nb.record("line.mean", (slope * t).mean(), "m")
+nb.figure("line", draw, t, slope * t, caption="A line, $y = s t$.", alt="A rising line.", data={"t_s": t, "y_m": slope * t})
+nb.table("numbers", ["what", "value [m]"], [["mean", (slope * t).mean()]], caption="Its numbers.")
+```
+
+```{code-cell} ipython3
+nb.verdicts()
+nb.finish()
+```
+"""
+CONSTANT = HEADER + """
+# A constant
+
+```{code-cell} ipython3
+:tags: [parameters]
+
+value = 3.0      # (-inf, inf): the constant
+divisor = 1      # (-inf, inf): what it is divided by
+```
+
+```{code-cell} ipython3
+from geokalman.reproduce import Notebook
+
+nb = Notebook("toy/02-constant", globals())
+```
+
+```{code-cell} ipython3
+half = 0.5
+quotient = value / divisor
+nb.record("quotient", quotient)
+```
+
+```{code-cell} ipython3
+nb.finish()
+```
+"""
+CLAIMS = """
+- id: mean
+  where: Table 1
+  says: the mean of the line
+  printed: 49
+  unit: m
+  metric: toy/01-line:line.mean
+  accept: {rel: 1e-3}
+  verdict: reproduced
+- id: steeper
+  where: text
+  says: the line ends above the constant
+  compare: {left: "toy/01-line:line.mean", op: ">", right: "toy/02-constant:quotient", factor: 10}
+  verdict: reproduced
+"""
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A fresh toy clone, which is also the working directory."""
+    make_toy(tmp_path)
+    monkeypatch.setenv("GEOKALMAN_ROOT", str(tmp_path))
+    monkeypatch.delenv("GEOKALMAN_OUT", raising=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="session")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A toy clone whose notebooks were built once, by the command line; read only."""
+    root = make_toy(tmp_path_factory.mktemp("built"))
+    done = command(root, "build", "--no-html")
+    assert done.returncode == 0, done.stderr
+    return root
+
+
+def make_toy(root: Path) -> Path:
+    (root / "book" / "toy").mkdir(parents=True)
+    (root / "data").mkdir()
+    (root / "book" / "_config.yml").write_text("title: toy\n")
+    (root / "data" / "registry.json").write_text(json.dumps({}))
+    (root / "book" / "toy" / "01-line.md").write_text(LINE)
+    (root / "book" / "toy" / "02-constant.md").write_text(CONSTANT)
+    (root / "book" / "toy" / "claims.yml").write_text(CLAIMS)
+    (root / "book" / "toy" / "index.md").write_text("# The toy paper\n")
+    (root / "README.md").write_text("# Toy\n\n<!-- verdicts -->\n\n<!-- /verdicts -->\n")
+    return root
+
+
+def command(root: Path, *words: str, wait: bool = True, **environment: str):
+    """Run `geokalman` in the clone, as a user would."""
+    env = {k: v for k, v in os.environ.items() if k not in ("GEOKALMAN_ROOT", "GEOKALMAN_OUT")} | environment
+    start = [sys.executable, "-m", "geokalman.reproduce.cli", *words]
+    if not wait:
+        return subprocess.Popen(start, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="session")
+def new_toy():
+    """Function that makes a toy clone in a folder."""
+    return make_toy
+
+
+@pytest.fixture(scope="session")
+def geokalman():
+    """The command, as a function of the clone and its words."""
+    return command
+
+
+@pytest.fixture
+def break_constant():
+    """Make the second notebook divide by zero."""
+
+    def break_it(root: Path) -> None:
+        path = root / "book" / "toy" / "02-constant.md"
+        path.write_text(path.read_text().replace("divisor = 1 ", "divisor = 0 "))
+
+    return break_it

@@ -1,0 +1,167 @@
+"""The ledger: what an entry must say, and which verdict follows."""
+
+import json
+
+import pytest
+from geokalman.reproduce import claims
+from geokalman.reproduce.errors import Fault, Misuse
+
+BASE = {"id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m", "metric": "toy/01-line:x", "accept": {"rel": 0.1},
+        "verdict": "reproduced"}  # fmt: skip
+
+
+def make(**change):
+    return claims.Claim.model_validate({k: v for k, v in (BASE | change).items() if v is not None})
+
+
+def metrics(value, unit="m"):
+    return lambda notebook: {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+
+
+@pytest.mark.parametrize(
+    "change, ours, verdict",
+    [
+        ({}, 2.1, "reproduced"),
+        ({}, 2.3, "not-reproduced"),
+        ({}, -2.0, "not-reproduced"),
+        ({"accept": {"abs": 0.5}}, 2.4, "reproduced"),
+        ({"accept": {"abs": 0.5}}, 2.6, "not-reproduced"),
+        ({"accept": {"factor": 2}}, 1.0, "reproduced"),
+        ({"accept": {"factor": 2}}, 4.1, "not-reproduced"),
+        ({"accept": {"factor": 2}}, -2.0, "not-reproduced"),
+        ({"accept": {"range": [3, 4]}}, 3.5, "reproduced"),
+        ({"accept": {"range": [3, 4]}, "printed": "three to four"}, 2.9, "not-reproduced"),
+        ({"reads": 20.0, "because": "a zero is missing"}, 20.5, "reproduced"),
+        ({"reads": 20.0, "because": "a zero is missing"}, 2.0, "not-reproduced"),
+        ({"assumes": "smoothing"}, 2.0, "under-interpretation"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 2.0, "calibrated"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 5.0, "not-reproduced"),
+        ({}, None, "not-reproduced"),
+        ({"metric": None, "accept": None, "reason": "data not public"}, 2.0, "not-testable"),
+    ],
+)
+def test_the_most_critical_word_that_applies(change, ours, verdict):
+    judgement = claims.judge(make(**change), metrics(ours))
+    assert judgement.verdict == verdict and judgement.as_expected == (verdict == "reproduced")
+
+
+@pytest.mark.parametrize(
+    "comparisons, verdict",
+    [
+        ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y"}, "reproduced"),
+        ({"left": "toy/01-line:x", "op": ">", "right": "toy/01-line:y"}, "not-reproduced"),
+        ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.2}, "not-reproduced"),
+        ({"left": "toy/01-line:x", "op": "<=", "right": 2}, "reproduced"),
+        ([{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}], "not-reproduced"),
+    ],
+)
+def test_comparisons(comparisons, verdict):
+    claim = make(metric=None, accept=None, printed=None, compare=comparisons)
+    assert claims.judge(claim, metrics(2.0)).verdict == verdict
+
+
+def test_a_comparison_shows_both_sides():
+    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1})
+    assert claims.judge(claim, metrics(2.0)).ours == "2.000 not < 0.1 × 10.00"
+
+
+def test_what_is_not_recorded_is_not_judged():
+    judgement = claims.judge(make(metric="toy/01-line:z"), metrics(2.0))
+    assert judgement.verdict is None and judgement.why == "toy/01-line:z is not recorded" and not judgement.as_expected
+    assert claims.judge(make(metric="toy/09-none:z"), metrics(2.0)).verdict is None
+
+
+def test_units_must_agree():
+    with pytest.raises(Fault, match="claim c is in m, but toy/01-line:x is recorded in km"):
+        claims.judge(make(), metrics(2.0, "km"))
+
+
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ("says: x\n  tells: y", "c: tells: Extra inputs"),
+        ("accept: {rel: 0.1, abs: 1}", "accept: accept wants exactly one of"),
+        ("accept: {range: [2, 1]}", "the range .* is empty"),
+        ("accept: {factor: 0.5}", "accept.factor: Input should be greater"),
+        ("accept: null", "a metric needs accept"),
+        ("metric: null", "accept needs a metric"),
+        ("metric: line", "metric: String should match pattern"),
+        ("printed: about two", "accept needs a printed .or reads. number"),
+        ("reads: 3.0", "reads and because go together"),
+        ("verdict: fine", "verdict: Input should be 'reproduced'"),
+        ("compare: {left: 'toy/01-line:x', op: '<', right: 3}", "a metric or a compare, not both"),
+        ("id: Not An Id", "Not An Id: id: String should match"),
+    ],
+)
+def test_malformed_entries_name_file_and_claim(toy, change, sentence):
+    key = change.partition(":")[0]
+    lines = [f"  {k}: {json.dumps(v)}" for k, v in BASE.items() if k != key]
+    (toy / "book" / "toy" / "claims.yml").write_text("-\n" + "\n".join([*lines, f"  {change}"]) + "\n")
+    with pytest.raises(Fault, match=f"^book/toy/claims.yml, claim .*{sentence}"):
+        claims.ledger(toy, "toy")
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("a: [", "book/toy/claims.yml, line 1: "),
+        ("- id: a\n  id: b\n", "id is given twice"),
+        ("a: 1", "holds no list of claims"),
+        ("- 5", "claim number 1"),
+        ("- {id: a, where: x, says: x, verdict: not-testable}", "claim a: a claim that nothing decides needs a reason"),
+        ("- &a {id: a, where: x, says: x, reason: x, verdict: not-testable}\n- *a\n", "claim a: the id is taken"),
+    ],
+)
+def test_malformed_ledgers(toy, text, sentence):
+    (toy / "book" / "toy" / "claims.yml").write_text(text)
+    with pytest.raises(Fault, match=sentence):
+        claims.ledger(toy, "toy")
+
+
+def test_unknown_paper(toy):
+    with pytest.raises(Misuse, match="'boy' has no ledger .*; papers with one are toy"):
+        claims.ledger(toy, "boy")
+
+
+def test_which_claims_a_notebook_decides(toy):
+    assert [c.id for c in claims.decided_by(toy, "toy/01-line")] == ["mean"]
+    assert claims.decided_by(toy, "toy/02-constant") == []  # `steeper` needs both
+
+
+def write_metrics(root, mean):
+    for name, value in (("01-line", {"line.mean": {"value": mean, "unit": "m"}}), ("02-constant", {"quotient": {"value": 3.0, "unit": ""}})):
+        path = root / "book" / "_build" / "metrics" / "toy" / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(value))
+
+
+def test_tables_and_readme(toy):
+    write_metrics(toy, 49.0)
+    assert "| Table 1: the mean of the line | 49 m | 49.00 m | reproduced | accepted ±0.1 % |" in claims.verdicts_markdown(toy, "toy")
+    assert claims.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
+    assert not claims.readme_agrees(toy)
+    (toy / "README.md").write_text(claims.readme_with_block(toy))
+    assert claims.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
+    write_metrics(toy, 48.0)
+    assert not claims.readme_agrees(toy)
+    assert [e["verdict"] for e in claims.as_json(toy, "toy")] == ["not-reproduced", "reproduced"]
+    (toy / "README.md").write_text("no block")
+    with pytest.raises(Fault, match="README.md lacks the lines <!-- verdicts -->"):
+        claims.readme_agrees(toy)
+
+
+@pytest.mark.parametrize(
+    "change, printed, why",
+    [
+        ({"printed": 5.26357e-6}, "5.26357 × 10⁻⁶ m", "accepted ±10 %"),
+        ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
+        ({"printed": 20, "reads": 2.0, "because": "a zero too many"}, "20 m; read as 2 m", "a zero too many; accepted ±10 %"),
+    ],
+)
+def test_a_row_shows_print_reading_and_reason(change, printed, why):
+    says, shown, ours, _, reason = claims.row(claims.judge(make(**change), metrics(2.0)))
+    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000 m", why)
+
+
+def test_before_anything_was_computed(toy):
+    assert "not computed" in claims.summary_markdown(toy)

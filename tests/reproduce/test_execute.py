@@ -1,0 +1,188 @@
+"""One notebook: run with other parameters, failing, interrupted; its run folder appears whole or not at all."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import nbformat
+import numpy as np
+import pytest
+from geokalman.reproduce import execute, notebooks, page
+from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.execute import ExecutionFailed
+
+
+def hidden(folder):
+    return sorted(p.name for p in folder.iterdir() if p.name.startswith("."))
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory, geokalman, new_toy):
+    """A finished `geokalman run` with a parameter of its own: clone, folder and what was printed."""
+    root = new_toy(tmp_path_factory.mktemp("ran"))
+    done = geokalman(root, "run", "toy/01-line", "slope=3", "--quick", "--out", "mine")
+    assert done.returncode == 0, done.stderr
+    return root, root / "mine", done
+
+
+def test_run_folder(ran):
+    root, folder, done = ran
+    assert done.stdout.splitlines()[-1] == str(folder)
+    inside = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+    assert inside == [
+        "arrays.npz", "figures/line.csv", "figures/line.dark.png", "figures/line.light.png", "metrics.json", "notebook.ipynb", "page.html",
+        "provenance.json", "tables/numbers.csv", "tables/verdicts-01-line.csv",
+    ]  # fmt: skip
+    assert json.loads((folder / "metrics.json").read_text()) == {"line.mean": {"value": 6.0, "unit": "m"}}
+    assert np.load(folder / "arrays.npz")["line.y"].tolist() == [0.0, 3.0, 6.0, 9.0, 12.0]
+    told = json.loads((folder / "provenance.json").read_text())
+    assert told["parameters"] == {"slope": 3.0, "n": 5, "table": ""} and told["mode"] == "custom"
+    assert hidden(root) == [".cache"]
+
+
+def test_executed_notebook(ran):
+    _, folder, _ = ran
+    notebook = nbformat.read(folder / "notebook.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    assert [c["id"] for c in notebook.cells] == [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells))]
+    text = (folder / "notebook.ipynb").read_text()
+    assert str(folder.parent) not in text and "papermill" not in notebook.metadata and notebook.metadata.kernelspec.name == "python3"
+    outputs = [o for c in notebook.cells for o in c.get("outputs", [])]
+    assert any("application/vnd.geokalman.figure+json" in o.get("data", {}) for o in outputs)
+    injected = [c.source for c in notebook.cells if "injected-parameters" in c.metadata.get("tags", [])]
+    assert len(injected) == 1 and "slope = 3.0" in injected[0] and "n = 5" in injected[0]
+
+
+def test_page_carries_everything_with_it(ran):
+    _, folder, _ = ran
+    text = (folder / "page.html").read_text()
+    body = text[text.index("<body>") :]
+    assert "A straight line" in body and '<img alt="A rising line." src="data:image/png;base64,' in body
+    assert "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ") and "{numref}" not in body and "$$" not in body
+    assert "\\tag{1}" in body and "<b>Figure 1.</b> A line, \\(y = s t\\)." in body
+    markup = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
+    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)[^"']+""", markup) and "@import" not in markup
+    assert "<script src" not in text and "cdn.jsdelivr" not in text and "window.MathJax" in text
+
+
+def test_failure_names_notebook_cell_line_and_error(toy, break_constant):
+    out = toy / "good"
+    execute.run(toy, "toy/02-constant", out=out, page=False)
+    before = {p.name: p.read_bytes() for p in out.iterdir()}
+    with pytest.raises(ExecutionFailed) as caught:
+        execute.run(toy, "toy/02-constant", {"divisor": 0}, out=out)
+    message = str(caught.value).splitlines()
+    assert message[0] == "FAILED toy/02-constant: cell [4]: ZeroDivisionError: float division by zero"
+    assert message[1].strip() == "line 2: quotient = value / divisor"
+    failed = toy / "good.failed.ipynb"
+    assert message[2].strip() == f"traceback: {failed}"
+    errors = [o for c in nbformat.read(failed, 4).cells for o in c.get("outputs", []) if o.output_type == "error"]
+    assert errors[0].ename == "ZeroDivisionError"
+    assert {p.name: p.read_bytes() for p in out.iterdir()} == before and hidden(toy) == [".cache"]
+    execute.run(toy, "toy/02-constant", {"divisor": 2}, out=out, page=False)
+    assert not failed.exists() and json.loads((out / "metrics.json").read_text())["quotient"]["value"] == 1.5
+
+
+def test_a_notebook_that_does_not_finish(toy):
+    path = toy / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("nb.finish()", "pass"))
+    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: it ended without nb.finish"):
+        execute.run(toy, "toy/02-constant", out=toy / "out")
+    assert not (toy / "out").exists()
+
+
+def test_a_kernel_that_dies(toy):
+    path = toy / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("half = 0.5", "import os; os._exit(1)"))
+    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: the kernel stopped"):
+        execute.run(toy, "toy/02-constant", out=toy / "out")
+    assert hidden(toy) == [".cache"]
+
+
+def test_disk_full(toy, monkeypatch):
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(Fault, match="Cannot write .*: the disk is full"):
+        execute.run(toy, "toy/02-constant", out=toy / "out")
+    assert not (toy / "out").exists() and hidden(toy) == [".cache"]
+
+
+def test_folders_that_are_not_ours_are_not_replaced(toy):
+    (toy / "mine").mkdir()
+    (toy / "mine" / "thesis.tex").touch()
+    with pytest.raises(Misuse, match=r"mine holds other things \(thesis.tex\); name a new or empty folder"):
+        execute.run(toy, "toy/02-constant", out=toy / "mine")
+    with pytest.raises(Misuse, match="README.md is a file"):
+        execute.run(toy, "toy/02-constant", out=toy / "README.md")
+    with pytest.raises(Fault, match="a file stands where a folder is needed"):
+        execute.run(toy, "toy/02-constant", out=toy / "README.md" / "run")
+    assert (toy / "mine" / "thesis.tex").exists()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_no_write_permission(toy):
+    (toy / "locked").mkdir(mode=0o500)
+    with pytest.raises(Fault, match="permission denied; choose a folder that you may write to"):
+        execute.run(toy, "toy/02-constant", out=toy / "locked" / "run")
+
+
+@pytest.mark.parametrize("asked, words", [(({}, False), "paper"), (({}, True), "quick"), (({"b": 2, "a": [1, 2]}, True), "quick+a=-1,-2-+b=2-")])
+def test_default_folder_says_what_was_asked(toy, asked, words):
+    assert execute.default_out(toy, "toy/01-line", *asked).name.startswith(words)
+    one, two = (execute.default_out(toy, "toy/01-line", {"f": f}, False) for f in ("/a/b", "/a-b"))
+    assert one != two
+
+
+def test_interrupt_leaves_nothing_half_done(toy, geokalman):
+    path = toy / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("half = 0.5", "import os, time; open('../../pid', 'w').write(str(os.getpid())); time.sleep(60)"))
+    process = geokalman(toy, "run", "toy/02-constant", wait=False)
+    end = time.monotonic() + 60
+    while not ((toy / "pid").exists() and (toy / "pid").read_text()) and time.monotonic() < end:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 130 and "interrupted" in told and "Traceback" not in told
+    assert not list((toy / "runs" / "toy" / "02-constant").glob(".*"))
+    with pytest.raises(ProcessLookupError):  # the kernel is gone too
+        time.sleep(0.2)
+        os.kill(int((toy / "pid").read_text()), 0)
+
+
+def test_through_papermill_directly(toy):
+    """The twin of a notebook, run by papermill alone: an unknown parameter is refused there too."""
+    from geokalman.reproduce import twins
+
+    [line, _] = twins.write(toy)
+    kernel = toy / "kernels" / "kernels" / "toykernel"
+    kernel.mkdir(parents=True)
+    argv = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+    (kernel / "kernel.json").write_text(json.dumps({"argv": argv, "display_name": "toy", "language": "python"}))
+    env = os.environ | {"JUPYTER_PATH": str(toy / "kernels"), "GEOKALMAN_ROOT": str(toy)}
+
+    def papermill(*words):
+        command = [sys.executable, "-m", "papermill", str(line), str(toy / "out.ipynb"), "-k", "toykernel", "--no-progress-bar", *words]
+        return subprocess.run(command, env=env, cwd=toy, capture_output=True, text=True, timeout=120)
+
+    done = papermill("-p", "slope", "4")
+    assert done.returncode == 0, done.stderr
+    record = toy / "runs" / "toy" / "01-line" / "interactive" / "metrics.json"
+    assert json.loads(record.read_text())["line.mean"]["value"] == 98.0
+    done = papermill("-p", "slop", "4")
+    assert done.returncode != 0 and "slop is no parameter of toy/01-line (did you mean slope?)" in done.stderr
+
+
+def test_prose_of_a_page(toy):
+    (toy / "book" / "references.bib").write_text("@article{k60, author={Kalman, R. E.}, title={A}, year={1960}, journal={J}}\n")
+    from nbformat.v4 import new_markdown_cell, new_notebook
+
+    text = "# T\n\n:::{note}\nSee {eq}`a` and {cite:p}`k60`, {cite:t}`k60`, [there](/practice/rerun.md).\n:::\n\n```{math}\n:label: a\n\nx = 1\n```\n"
+    found = page.render(notebooks.tidy(new_notebook(cells=[new_markdown_cell(text)]), "toy/x"), toy, "toy/x")
+    plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
+    assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain

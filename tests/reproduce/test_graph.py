@@ -1,0 +1,173 @@
+"""The build: only what changed, failures apart, two at once, killed and resumed, and the same twice."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from geokalman.reproduce import graph
+
+
+def contents(root: Path) -> dict[str, bytes]:
+    """All results of a build but the one file that holds times."""
+    made = root / "book" / "_build"
+    return {p.relative_to(made).as_posix(): p.read_bytes() for p in sorted(made.rglob("*")) if p.is_file() and p.name != "provenance.json"}
+
+
+@pytest.fixture
+def copy(built, tmp_path):
+    """A copy of the built clone, to be changed."""
+    return shutil.copytree(built, tmp_path / "copy")
+
+
+def test_build_leaves_metrics_where_scripts_look(built):
+    found = json.loads((built / "book" / "_build" / "metrics" / "toy" / "01-line.json").read_text())
+    assert found == {"line.mean": {"value": 49.0, "unit": "m"}}
+    assert sorted(os.listdir(built / "book" / "_build" / "runs" / "toy")) == ["01-line", "02-constant"]
+
+
+def test_nothing_changed_nothing_done(copy, geokalman):
+    before = {p: p.stat().st_mtime_ns for p in (copy / "book" / "_build").rglob("*") if p.is_file()}
+    start = time.perf_counter()
+    done = geokalman(copy, "build", "--no-html")
+    seconds = time.perf_counter() - start
+    assert done.returncode == 0 and "0 executed, 2 up to date, 0 failed" in done.stderr
+    assert {p: p.stat().st_mtime_ns for p in (copy / "book" / "_build").rglob("*") if p.is_file()} == before
+    assert seconds < 15
+
+
+def test_two_builds_differ_in_times_only(built, copy, geokalman):
+    """What may differ is listed here: moments and durations in provenance.json."""
+    shutil.rmtree(copy / "book" / "_build")
+    shutil.rmtree(copy / ".cache")
+    assert geokalman(copy, "build", "--no-html").returncode == 0
+    assert contents(copy) == contents(built)
+    for name in ("01-line", "02-constant"):
+        one, two = (json.loads((r / "book/_build/runs/toy" / name / "provenance.json").read_text()) for r in (built, copy))
+        assert {k for k in one | two if one.get(k) != two.get(k)} <= {"finished", "seconds"}
+
+
+KEYED = [
+    ("book/toy/01-line.md", lambda t: t.replace("A straight line", "A line"), ["toy/01-line"]),
+    ("book/toy/01-line.md", lambda t: t.replace("slope = 2.0", "slope = 4.0"), ["toy/01-line"]),
+    ("book/toy/claims.yml", lambda t: t.replace("1e-3", "1e-2"), ["toy/01-line"]),
+    ("data/registry.json", lambda t: '{"x": {"sha256": "0"}}', ["toy/01-line", "toy/02-constant"]),
+    ("book/toy/index.md", lambda t: t + "more", []),
+]
+
+
+@pytest.mark.parametrize("path, edit, stale", KEYED, ids=["prose", "default", "claim", "data", "page"])
+def test_what_a_run_depends_on(copy, monkeypatch, path, edit, stale):
+    monkeypatch.setenv("GEOKALMAN_ROOT", str(copy))
+    (copy / path).write_text(edit((copy / path).read_text()))
+    names = ["toy/01-line", "toy/02-constant"]
+    assert [n for n in names if not graph.is_fresh(graph.run_folder(copy, n), graph.key(copy, n))] == stale
+
+
+def test_an_edited_module_makes_stale_what_imports_it(built, package_copy):
+    """Of the two notebooks one imports a module of the package; the module's own import is edited."""
+    root = shutil.copytree(built, package_copy / "clone")
+    line = root / "book" / "toy" / "01-line.md"
+    line.write_text(line.read_text().replace("import numpy as np", "import numpy as np\nfrom geokalman import user"))
+    (package_copy / "geokalman" / "user.py").write_text("from geokalman import used\n")
+    code = (
+        "from pathlib import Path; from geokalman.reproduce import graph; root = Path('clone').resolve(); "
+        "print(graph.key(root, 'toy/01-line'), graph.key(root, 'toy/02-constant'))"
+    )
+
+    def keys(value: int) -> list[str]:
+        (package_copy / "geokalman" / "used.py").write_text(f"x = {value}\n")
+        env = os.environ | {"PYTHONPATH": str(package_copy), "GEOKALMAN_ROOT": str(root)}
+        return subprocess.run([sys.executable, "-c", code], cwd=package_copy, env=env, capture_output=True, text=True).stdout.split()
+
+    before, after = keys(1), keys(2)
+    assert len(before) == 2 and before[0] != after[0] and before[1] == after[1]
+
+
+def test_the_locked_environment_counts(copy):
+    before = graph.key(copy, "toy/01-line")
+    (copy / "environment.txt").write_text("numpy==9\n")
+    assert graph.key(copy, "toy/01-line") != before
+
+
+@pytest.mark.parametrize("damage", ["metrics.json", "figures/line.csv", "provenance.json", "notebook.ipynb"])
+def test_a_damaged_result_is_not_fresh(copy, damage):
+    folder = graph.run_folder(copy, "toy/01-line")
+    assert graph.is_fresh(folder, graph.key(copy, "toy/01-line"))
+    content = (folder / damage).read_bytes()
+    (folder / damage).write_bytes(content[: len(content) // 2])
+    assert not graph.is_fresh(folder, graph.key(copy, "toy/01-line"))
+
+
+def test_a_failing_notebook_leaves_the_others_and_its_last_good_run(copy, geokalman, break_constant):
+    break_constant(copy)
+    line = copy / "book" / "toy" / "01-line.md"
+    line.write_text(line.read_text().replace("slope = 2.0", "slope = 4.0"))
+    good = (copy / "book/_build/runs/toy/02-constant/metrics.json").read_bytes()
+    (copy / "book" / "_build" / "html").mkdir()
+    (copy / "book" / "_build" / "html" / "index.html").write_text("the last good book")
+    done = geokalman(copy, "build")
+    assert done.returncode == 1
+    told = done.stderr.splitlines()
+    assert "1 executed, 0 up to date, 1 failed" in done.stderr
+    assert told[-3] == "FAILED toy/02-constant: cell [3]: ZeroDivisionError: float division by zero"
+    assert told[-2] == "  line 2: quotient = value / divisor"
+    assert told[-1].endswith("book/_build/runs/toy/02-constant.failed.ipynb")
+    assert json.loads((copy / "book/_build/metrics/toy/01-line.json").read_text())["line.mean"]["value"] == 98.0
+    assert (copy / "book/_build/runs/toy/02-constant/metrics.json").read_bytes() == good
+    assert (copy / "book" / "_build" / "html" / "index.html").read_text() == "the last good book"
+
+
+def test_outputs_of_a_deleted_notebook_go(copy, geokalman):
+    (copy / "book" / "toy" / "02-constant.md").unlink()
+    assert "0 executed, 1 up to date" in geokalman(copy, "build", "--no-html").stderr
+    made = copy / "book" / "_build"
+    assert os.listdir(made / "runs" / "toy") == ["01-line"] and os.listdir(made / "metrics" / "toy") == ["01-line.json"]
+
+
+def test_two_builds_at_once_execute_each_notebook_once(toy, geokalman, built):
+    processes = [geokalman(toy, "build", "--no-html", wait=False) for _ in range(2)]
+    told = [p.communicate(timeout=120)[1] for p in processes]
+    assert [p.returncode for p in processes] == [0, 0], told
+    assert sorted("2 executed, 0 up to date" in t for t in told) == [False, True]
+    assert sorted("0 executed, 2 up to date" in t for t in told) == [False, True]
+    assert any("Another build runs in this clone; waiting for it." in t for t in told)
+    assert contents(toy) == contents(built)
+
+
+@pytest.mark.parametrize("moment", [pytest.param(k, marks=pytest.mark.slow if k > 1 else ()) for k in range(10)])
+def test_killed_at_any_moment_and_resumed(toy, geokalman, built, moment):
+    """kill -9, then a build that completes and equals the undisturbed one."""
+    process = geokalman(toy, "build", "--no-html", wait=False)
+    time.sleep(random.Random(moment).uniform(0.3, 5.0))
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    done = geokalman(toy, "build", "--no-html")
+    assert done.returncode == 0, done.stderr
+    assert contents(toy) == contents(built)
+    assert not [p for p in (toy / "book").rglob(".*") if p.name != ".gitkeep"]
+
+
+def test_interrupted_build_is_one_sentence(toy, geokalman):
+    path = toy / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("half = 0.5", "import time; open('../../started', 'w').close(); time.sleep(60)"))
+    process = geokalman(toy, "build", "--no-html", wait=False)
+    end = time.monotonic() + 60
+    while not (toy / "started").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert process.returncode == 130 and told.strip().splitlines()[-1] == "geokalman: interrupted; what was finished stays."
+    assert "Traceback" not in told
+
+
+def test_no_notebooks(toy, geokalman):
+    shutil.rmtree(toy / "book" / "toy")
+    done = geokalman(toy, "build")
+    assert done.returncode == 1 and "has no notebooks; they are MyST files book/<paper>/NN-title.md" in done.stderr

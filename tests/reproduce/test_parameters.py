@@ -1,0 +1,136 @@
+"""Parameters: what a comment means, what a value must be, and one sentence for what is wrong."""
+
+import numpy as np
+import pytest
+from geokalman.reproduce import parameters
+from geokalman.reproduce.errors import Fault, Misuse
+from nbformat.v4 import new_code_cell, new_notebook
+
+CELL = """
+days = 30.0         # (0, 400] d: length of the simulation
+n_max = 70          # [2, 360]: degree and order
+integrator = "gj"   # {gj, dop853, rk45}: gj is Gauss-Jackson
+stencils = [5, 7]   # [3, 21]: points of the stencil
+radii = [0, 2.5]    # [0, inf) km: smoothing
+field = ""          # path: an ICGEM .gfc file
+step = None         # (0, 600] float s: None is the integrator's own
+words = []          # list[str]: any
+kbr = True          #: use it
+argp = 0.5
+"""
+QUICK = 'quick = {"days": 5.0}'
+
+
+def make(cell=CELL, quick=QUICK):
+    cells = [new_code_cell(cell.strip(), metadata={"tags": ["parameters"]})]
+    if quick:
+        cells.append(new_code_cell(quick, metadata={"tags": ["quick"]}))
+    return parameters.specification(new_notebook(cells=cells), "toy/x")
+
+
+def test_comment_gives_range_unit_and_help():
+    p = make().parameters
+    days = p["days"]
+    assert (days.type, days.range, days.unit, days.default, days.help) == ("float", "(0, 400]", "d", 30.0, "length of the simulation")
+    assert (p["integrator"].range, p["integrator"].help) == ("{gj, dop853, rk45}", "gj is Gauss-Jackson")
+    assert [p[k].type for k in ("n_max", "stencils", "radii", "field", "step", "words", "kbr", "argp")] == [
+        "int", "list[int]", "list[float]", "path", "float or None", "list[str]", "bool", "float",
+    ]  # fmt: skip
+    assert p["step"].unit == "s" and p["argp"].help == ""
+    assert p["radii"].range == "[0, inf)"
+
+
+@pytest.mark.parametrize(
+    "word, value",
+    [
+        ("days=5", 5.0),
+        ("days=1e-3", 1e-3),  # YAML 1.1 would read text
+        ("days=1e1", 10.0),
+        ("n_max=30", 30),
+        ("integrator=rk45", "rk45"),
+        ("stencils=[5,9]", [5, 9]),
+        ("radii=[0, 300]", [0.0, 300.0]),
+        ("step=null", None),
+        ("step=1e-12", 1e-12),
+        ("kbr=false", False),
+        ("words=[no, 12:30]", ["no", "12:30"]),  # YAML 1.1 would read false and 750
+        ("argp=-.5", -0.5),
+        ("field=", ""),
+    ],
+)
+def test_command_line_words(word, value):
+    [(_, found)] = make().parse([word]).items()
+    assert found == value and type(found) is type(value)
+
+
+@pytest.mark.parametrize(
+    "word, sentence",
+    [
+        ("dayz=5", r"dayz is no parameter of toy/x \(did you mean days\?\); the valid ones are days, n_max, integrator, .*argp"),
+        ("days=five", r"days='five' is not float; days must be a number in \(0, 400\] d \(length of the simulation\)\."),
+        ("days=true", "days=True is not float"),
+        ("days=0", r"days=0 is out of range; days must be a number in \(0, 400\]"),
+        ("days=.inf", "days=inf is not finite"),
+        ("days=.nan", "days=nan is not finite"),
+        ("days=1e400", "days=inf is not finite"),
+        ("days=[5]", r"days=\[5\] is not float"),
+        ("n_max=5.5", r"n_max=5.5 is not int; n_max must be a whole number in \[2, 360\]"),
+        ("n_max=361", "n_max=361 is out of range"),
+        ("integrator=euler", r"integrator='euler' is none of the choices; integrator must be text in \{gj, dop853, rk45\}"),
+        ("stencils=5", r"stencils=5 is not list\[int\]; stencils must be a list, each item a whole number in \[3, 21\]"),
+        ("stencils=[5, 1]", r"stencils\[1\]=1 is out of range"),
+        ("stencils=[5, 7", r"stencils=\[5, 7 is no YAML value"),
+        ("stencils=abc", r"stencils='abc' is not list\[int\]"),
+        ("kbr=1", "kbr=1 is not bool; kbr must be true or false"),
+        ("step=0", r"step=0 is out of range; step must be a number in \(0, 600\] s or None"),
+        ("field=missing.gfc", "field=missing.gfc: there is no file .*missing.gfc; field is a path"),
+        ("days", "'days' is no assignment; write name=value"),
+        ("=5", "'=5' is no assignment"),
+    ],
+)
+def test_wrong_words_say_value_place_and_remedy(word, sentence):
+    with pytest.raises(Misuse, match=sentence) as caught:
+        make().parse([word])
+    assert "\n" not in str(caught.value)
+
+
+def test_a_parameter_given_twice():
+    with pytest.raises(Misuse, match="days is given twice"):
+        make().parse(["days=1", "days=2"])
+
+
+def test_paths_are_relative_to_the_caller(tmp_path):
+    (tmp_path / "own.gfc").write_text("x")
+    assert make().parse(["field=own.gfc"], tmp_path) == {"field": str(tmp_path / "own.gfc")}
+
+
+def test_numpy_numbers_become_plain_ones():
+    found = make().check({"days": np.float32(2), "n_max": np.int64(8), "stencils": np.array([5, 9]), "kbr": np.bool_(False)})
+    assert found == {"days": 2.0, "n_max": 8, "stencils": [5, 9], "kbr": False}
+    assert [type(v) for v in found.values()] == [float, int, list, bool]
+
+
+def test_mode():
+    spec = make()
+    assert spec.mode(spec.defaults) == "paper"
+    assert spec.mode(spec.defaults | {"days": 5.0}) == "quick"
+    assert spec.mode(spec.defaults | {"days": 6.0}) == "custom"
+
+
+@pytest.mark.parametrize(
+    "cell, quick, sentence",
+    [
+        ("a = b + 1", None, "toy/x: line 1 of the parameters cell: 'b \\+ 1' is no literal"),
+        ("a = 1\nprint(a)", None, "line 2 of the parameters cell, 'print\\(a\\)', is no assignment"),
+        ("a = 5  # [0, 1]: x", None, "line 1 of the parameters cell: a=5 is out of range"),
+        ("a = None  # s: x", None, "a = None has no clear type"),
+        ("a = []  # s: x", None, r"a = \[\] has no clear type"),
+        ("a = 1  # {1, x}: x", None, "the choice 'x' is not a whole number"),
+        ("a = 1", "quick = {'b': 2}", "toy/x: b is no parameter"),
+        ("a = 1", "quick = 5", "quick = 5 is no dictionary"),
+        ("a = 1", "x = 5", "the cell tagged quick must be one assignment"),
+    ],
+)
+def test_malformed_cells(cell, quick, sentence):
+    with pytest.raises(Fault, match=sentence):
+        make(cell, quick)
