@@ -36,6 +36,12 @@ METHODS: dict[str, Method] = {
     "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
     "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
     "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "forward": Method("#b34700", "#ff9b52", ":", "s", "forward filter"),
+    "fb": Method("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
+    "reference": Method("#000000", "#f2f2f2", "-", "", "reference"),
+    "contractor": Method("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
+    "grid": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
+    "joint": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 

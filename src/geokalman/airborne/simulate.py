@@ -124,7 +124,9 @@ class Truth:
 def survey(scenario: Scenario, rng: np.random.Generator) -> list[tuple[Truth, Line]]:
     """All lines of one survey, west to east; 1, 3, 5 flown north and 2, 4, 6 south. They share one field."""
     field = random_field(scenario, rng) if scenario.truth == "field" else None
-    return [fly(scenario, field, number, rng) for number in range(1, scenario.n_lines + 1)]
+    epochs = math.floor((1e3 * scenario.length_km / scenario.V + 2 * scenario.lead_s) * scenario.rate + 1e-9) + 1
+    motion = Motion((epochs - 1) * scenario.every + 1, 1.0 / scenario.imu_rate)
+    return [fly(scenario, field, motion, number, rng) for number in range(1, scenario.n_lines + 1)]
 
 
 def random_field(scenario: Scenario, rng: np.random.Generator) -> Array:
@@ -137,14 +139,14 @@ def random_field(scenario: Scenario, rng: np.random.Generator) -> Array:
     return field * (scenario.sigma_mgal / field.std())
 
 
-def fly(scenario: Scenario, field: Array | None, number: int, rng: np.random.Generator) -> tuple[Truth, Line]:
+def fly(
+    scenario: Scenario, field: Array | None, motion: Motion, number: int, rng: np.random.Generator
+) -> tuple[Truth, Line]:
     """One line, number 1 in the west: the true flight, what the instruments make of it, and z at the rate of the filter."""
-    s, dt, every = scenario, 1.0 / scenario.imu_rate, scenario.every
-    epochs = math.floor((1e3 * s.length_km / s.V + 2 * s.lead_s) * s.rate + 1e-9) + 1
-    n = (epochs - 1) * every + 1
+    s, dt, every, n = scenario, 1.0 / scenario.imu_rate, scenario.every, motion.n
+    epochs = (n - 1) // every + 1
     t = dt * np.arange(n)
     flown = 1.0 if number % 2 else -1.0
-    motion = Motion(n, dt)
     up = motion.band(rng, TURBULENCE, s.turbulence, derivative=2) + motion.band(rng, SLOW, 2.0, steep=True)
     v_east = motion.series(motion.band(rng, SLOW, 1.0))
     v_north = flown * s.V + motion.series(motion.band(rng, SLOW, 0.5))
@@ -195,24 +197,33 @@ class Motion:
     def __init__(self, n: int, dt: float) -> None:
         self.n, self.size = n, fft.next_fast_len(n + n // 8, real=True)
         self.frequency = fft.rfftfreq(self.size, dt)
+        self.gains: dict[tuple[tuple[float, float], bool], Array] = {}
 
     def band(
         self, rng: np.random.Generator, band: tuple[float, float], rms: float, derivative: int = 0, steep: bool = False
     ) -> Array:
         """Spectrum of white noise behind a Butterworth band-pass of order 2 (steep: twice), `rms` in its `derivative`."""
-        low, high = band
-        f = self.frequency
-        with np.errstate(divide="ignore"):
-            gain = 1.0 / np.sqrt(1.0 + ((f**2 - low * high) / (f * (high - low))) ** 4)
-        gain[0] = 0.0
-        gain = gain**2 if steep else gain
+        gain = self._gain(band, steep)
         expected = math.sqrt(np.sum(gain**2) * 2 / self.size)  # rms of filtered unit white noise
-        spectrum = fft.rfft(rng.standard_normal(self.size)) * gain * (rms / expected)
-        spectrum[1:] /= (2j * np.pi * f[1:]) ** derivative
+        spectrum = fft.rfft(rng.standard_normal(self.size)) * (gain * (rms / expected))
+        if derivative:
+            spectrum[1:] /= (2j * np.pi * self.frequency[1:]) ** derivative
         return spectrum
+
+    def _gain(self, band: tuple[float, float], steep: bool) -> Array:
+        if (band, steep) not in self.gains:
+            low, high = band
+            f = self.frequency
+            with np.errstate(divide="ignore"):
+                gain = 1.0 / np.sqrt(1.0 + ((f**2 - low * high) / (f * (high - low))) ** 4)
+            gain[0] = 0.0
+            self.gains[band, steep] = gain**2 if steep else gain
+        return self.gains[band, steep]
 
     def series(self, spectrum: Array, derivative: int = 0) -> Array:
         """Samples of a spectrum or of its derivative."""
+        if derivative == 0:
+            return fft.irfft(spectrum, self.size)[: self.n]
         return fft.irfft(spectrum * (2j * np.pi * self.frequency) ** derivative, self.size)[: self.n]
 
     def later(self, spectrum: Array, seconds: float) -> Array:

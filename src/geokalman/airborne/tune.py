@@ -9,7 +9,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from geokalman.airborne.estimate import innovation_log_likelihood
-from geokalman.airborne.model import Line, Tuning
+from geokalman.airborne.model import Line, Tuning, build
+from geokalman.kalman.whitening import whiten_columns
 
 
 @dataclass(frozen=True)
@@ -46,3 +47,19 @@ def fit(lines: Sequence[Line], start: Tuning, names: Sequence[str] = ("R_m", "q_
     )  # fmt: skip
     best = replace(start, **dict(zip(names, (first * np.exp(found.x)).tolist(), strict=True)))
     return Fit(best, -float(found.fun), int(found.nfev), bool(found.success))
+
+
+def second_order_lag(lines: Sequence[Line], tuning: Tuning) -> tuple[float, np.ndarray]:
+    """Second-order lag c [s^2] from flight data alone: the likelihood is quadratic in it, so one whitened regression does.
+
+    z = model - c (f3' - f3'(0)).  Returns the pooled value and that of each line.
+    """
+    if not lines:
+        raise ValueError("There are no lines to estimate a lag from.")
+    top, bottom = np.empty(len(lines)), np.empty(len(lines))
+    for k, line in enumerate(lines):
+        model = build(line, tuning)
+        columns = np.column_stack([line.z, line.f3 - line.f3[0]])
+        w = whiten_columns(model.prior.cov, line.t, model.H, model.R, (model.Phi, model.Q), columns)
+        top[k], bottom[k] = -w[:, 0] @ w[:, 1], w[:, 1] @ w[:, 1]
+    return float(top.sum() / bottom.sum()), top / bottom
