@@ -10,7 +10,7 @@ from matplotlib.patches import FancyBboxPatch
 from geokalman.style import METHODS, ink, paper
 
 BLOCKS = {
-    "in the aircraft": ("strapdown gravimeter", "rover GPS antenna and receiver", "display, control, recording", "power management"),
+    "in the aircraft": ("strapdown gravimeter", "rover GPS and antenna", "display, control, recording", "power management"),
     "on the ground": ("base GPS antenna", "base GPS receiver"),
     "afterwards": ("workstation with the\nprocessing software",),
 }
@@ -50,13 +50,13 @@ def chain() -> Figure:
             if j < 2:
                 axes.annotate("", (0.5 + 3.3 * (j + 1), y + 0.4), (3.3 + 3.3 * j, y + 0.4), arrowprops={"arrowstyle": "->", "color": ink()})
         axes.text(0.12, y + 0.4, str(k + 1), va="center", weight="bold")
-    for start, end, bend in ((0, 1, 0), (1, 3, -0.35), (2, 3, -0.12), (3, 4, 0)):
+    for start, end, bend in ((0, 1, 0), (1, 3, -0.3), (2, 3, -0.12), (3, 4, 0)):
         axes.annotate(
             "", (8.6, 5.8 - 1.15 * end), (8.6 if bend == 0 else 9.9, 5.0 - 1.15 * start + (0 if bend == 0 else 0.4)),
             arrowprops={"arrowstyle": "->", "color": ink(), "connectionstyle": f"arc3,rad={bend}", "linestyle": "--"},
         )  # fmt: skip
-    axes.axhline(1.98, color=METHODS["neutral"].colour, linestyle=":")
-    axes.text(0.5, 2.0, "the book begins here", fontsize=8, color=METHODS["neutral"].colour, va="bottom")
+    axes.axhline(2.52, color=METHODS["neutral"].colour, linestyle=":")
+    axes.text(0.5, 2.54, "the book begins here", fontsize=8, color=METHODS["neutral"].colour, va="bottom")
     return _bare(figure, axes, (0, 10.6), (0.2, 6.0))
 
 

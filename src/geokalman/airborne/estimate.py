@@ -90,6 +90,12 @@ def estimate(line: Line, tuning: Tuning, smoother: Smoother = "rts") -> Estimate
     )
 
 
+def settled(tuning: Tuning, V: float, dt: float = 0.5, epochs: int = 1601) -> Estimate:
+    """The filters of a tuning on a line without data: their covariances alone mean something, at the speed V [m/s]."""
+    steps, zeros = np.zeros((epochs - 1, 4)), np.zeros(epochs)
+    return estimate(Line("settled", dt * np.arange(epochs), zeros, zeros, steps, steps, V), tuning)
+
+
 def innovation_log_likelihood(line: Line, tuning: Tuning) -> float:
     """Logarithm of the likelihood of a line under a tuning, from the innovations, up to a constant.
 

@@ -129,6 +129,11 @@ def survey(scenario: Scenario, rng: np.random.Generator) -> list[tuple[Truth, Li
     return [fly(scenario, field, motion, number, rng) for number in range(1, scenario.n_lines + 1)]
 
 
+def survey_of_seed(scenario: Scenario, seed: int) -> list[tuple[Truth, Line]]:
+    """`survey` with default_rng(seed)."""
+    return survey(scenario, np.random.default_rng(seed))
+
+
 def random_field(scenario: Scenario, rng: np.random.Generator) -> Array:
     """Isotropic random gravity on the grid, amplitude exp(-k (source + h)) / (k + 2 pi/60 km), scaled to sigma_mgal."""
     kx, ky = (2 * np.pi * fft.fftfreq(n, SPACING) for n in NODES)
