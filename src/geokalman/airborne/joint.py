@@ -104,12 +104,16 @@ class LineRows:
 
 @dataclass(frozen=True)
 class JointField:
-    """The solved field: `gravity` along each line (name -> (n,)) [mGal], weights of the lines, amplitudes and the factor."""
+    """The solved field: gravity along each line (name -> (n,)) [mGal], weights of the lines, amplitudes and the factor.
+
+    unweighted : gravity along the lines before noisy ones were given less weight.
+    """
 
     waves: Waves
     origin: tuple[float, float]
     solution: Solution
     gravity: dict[str, Array]
+    unweighted: dict[str, Array]
     weights: dict[str, float]
 
     def at(self, easting: Array, northing: Array, height: Array) -> Array:
@@ -160,16 +164,20 @@ def joint_field(
     parts = [line_rows(flight, tuning, waves, origin, lag, knots_s) for flight in flights]
     weights = np.ones(len(parts))
     solution = _solve(parts, weights, waves)
+    unweighted = _along(parts, solution)
     if weigh:
         x = solution.estimate[:, 0]
         rms = np.array([np.sqrt(np.mean((part.rhs - part.rows @ x) ** 2)) for part in parts])
         weights = 1.0 / np.maximum(rms / np.median(rms), 1.0) ** 2
         solution = _solve(parts, weights, waves)
-    x = solution.estimate[:, 0]
     return JointField(
-        waves, origin, solution, {part.name: part.values @ (part.waves @ x) for part in parts},
+        waves, origin, solution, _along(parts, solution), unweighted,
         {part.name: float(w) for part, w in zip(parts, weights, strict=True)},
     )  # fmt: skip
+
+
+def _along(parts: Sequence[LineRows], solution: Solution) -> dict[str, Array]:
+    return {part.name: part.values @ (part.waves @ solution.estimate[:, 0]) for part in parts}
 
 
 def _solve(parts: Sequence[LineRows], weights: Array, waves: Waves) -> Solution:
