@@ -99,11 +99,11 @@ def table_one(means: Mapping[str, Array], printed: Mapping[str, float]) -> Figur
 def starts(t: Array, errors: Mapping[str, Array], ratios: Mapping[str, Array]) -> Figure:
     """What the start of the backward pass does: difference to RTS [mGal] (log scale), and reported over true standard deviation."""
     figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7.2, 5.4))
-    looks = _looks()
-    for k, (name, values) in enumerate(errors.items()):
-        upper.semilogy(t, np.maximum(np.abs(values), 1e-13), label=name, linewidth=1, **looks[k % len(looks)])
-    for k, (name, values) in enumerate(ratios.items()):
-        lower.plot(t, values, label=name, linewidth=1, **looks[k % len(looks)])
+    looks = dict(zip(errors, _looks(), strict=False))
+    for name, values in errors.items():
+        upper.semilogy(t, np.maximum(np.abs(values), 1e-13), label=name, linewidth=1, **looks[name])
+    for name, values in ratios.items():
+        lower.plot(t, values, label=name, linewidth=1, **looks[name])
     upper.set_ylabel("|difference to RTS| [mGal]")
     lower.set(xlabel="time [s]", ylabel="reported / RTS sigma", ylim=(0, 1.1))
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=3)
@@ -152,7 +152,7 @@ def fir_scan(cutoffs: Array, scans: Mapping[str, Array], levels: Mapping[str, Ma
         for k, (name, level) in enumerate(levels[title].items()):
             axis.axhline(level, label=name, **looks[k % len(looks)])
         axis.set(xlabel="cutoff of the FIR [s]", ylabel="sd against truth [mGal]", title=title, ylim=(0, None))
-        axis.legend(fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
@@ -213,6 +213,7 @@ def downward(wavelength_km: Array, factors: Mapping[str, Array]) -> Figure:
     for (name, values), look in zip(factors.items(), _looks(), strict=False):
         axes.loglog(wavelength_km, values, label=name, **look)
     axes.set(xlabel="wavelength [km]", ylabel="factor of the noise", ylim=(1, 100))
+    _plain_ticks(axes)
     axes.legend()
     return figure
 

@@ -58,7 +58,7 @@ def grids(east_km: Array, north_km: Array, panels: Mapping[str, Array], symmetri
         span = {"vmin": -limit, "vmax": limit} if symmetric[title] else {}
         image = axis.pcolormesh(east_km, north_km, values, cmap=DIVERGING if symmetric[title] else SEQUENTIAL, shading="nearest", rasterized=True, **span)
         for east, north in lines:
-            axis.plot(east, north, color=ink(), linewidth=0.15, alpha=0.6)
+            axis.plot(east, north, color=ink(), linewidth=0.1, alpha=0.25)
         axis.set(xlabel="east [km]", title=title, aspect="equal")
         axis.grid(False)
         figure.colorbar(image, ax=axis, orientation="horizontal", label="mGal", shrink=0.9)

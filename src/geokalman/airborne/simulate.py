@@ -261,8 +261,7 @@ def _reference(s: Scenario, gravity: Array, rng: np.random.Generator) -> Array:
     smooth = _zero_phase(gravity, s.rate, 0.01, 4)
     margin = round(5 * s.rate / 0.01)
     noise = _zero_phase(rng.standard_normal(len(gravity) + 2 * margin), s.rate, 0.01, 4)[margin:-margin]
-    gain = np.abs(signal.sosfreqz(signal.butter(4, 0.01, fs=s.rate, output="sos"), 1 << 14)[1]) ** 2
-    return smooth + s.reference * noise / math.sqrt(np.mean(gain**2))
+    return smooth + s.reference * noise / math.sqrt(np.mean(noise**2))
 
 
 def _zero_phase(x: Array, rate: float, cutoff: float, order: int) -> Array:
