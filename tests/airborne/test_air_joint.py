@@ -47,7 +47,7 @@ def test_a_known_field_is_found_within_its_sigma(toy):
         error.append(field.gravity[f.name] - f.references["truth"])
         sigma.append(field.sigma_at(f.easting[::80], f.northing[::80], f.height[::80]))
     error, sigma = np.concatenate([e[::80] for e in error]), np.concatenate(sigma)
-    assert error.std() < 0.5
+    assert error.std() < 0.8  # of 5 mGal; the band between the outer lines and the edge is guessed
     assert 0.5 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.5
     assert len(flights) == 14 and all(w == 1.0 for w in field.weights.values())
     f = flights[3]

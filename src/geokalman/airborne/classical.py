@@ -26,13 +26,21 @@ def fir_taps(cutoff_s: float, dt: float) -> Array:
     return signal.firwin(2 * half + 1, 1.0 / cutoff_s, window="hamming", fs=1.0 / dt)
 
 
-def fir(line: Line, cutoff_s: float) -> Array:
-    """Apparent gravity behind the FIR low-pass with even extension (n,) [mGal]. Raises ValueError for a line too short."""
+def fir(line: Line, cutoff_s: float, cut_ends: bool = False) -> Array:
+    """Apparent gravity behind the FIR low-pass with even extension (n,) [mGal].
+
+    cut_ends : extend the second difference itself, not the series with its ends repeated; where the filter reaches beyond
+    the flight, those two samples out of thousands decide, since one of them is as large as the turbulence.
+    Raises ValueError for a line too short.
+    """
     taps = fir_taps(cutoff_s, line.dt)
     half, x = len(taps) // 2, apparent_gravity(line)
-    if len(x) <= half:
+    if len(x) <= half + 2:
         raise ValueError(f"Line {line.name} lasts {line.t[-1] - line.t[0]:.0f} s, less than the filter's half length.")
-    return signal.fftconvolve(np.pad(x, half, mode="symmetric"), taps, mode="valid")
+    if not cut_ends:
+        return signal.fftconvolve(np.pad(x, half, mode="reflect"), taps, mode="valid")
+    inner = signal.fftconvolve(np.pad(x[1:-1], half, mode="reflect"), taps, mode="valid")
+    return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
 def butterworth(line: Line, cutoff_s: float, order: int = 3) -> Array:

@@ -19,7 +19,8 @@ from geokalman.kalman.consistency import monte_carlo
 class Outcome:
     """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and truth and reference to judge by.
 
-    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff> and butter<cutoff>.
+    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends cut) and
+    butter<cutoff>.
     """
 
     name: str
@@ -131,6 +132,7 @@ def _survey(scenario, tuning, coloured, fir, butter, rng: np.random.Generator) -
             curves["coloured"], sigma["coloured"] = other.smoothed.gravity, other.smoothed.sigma()
             innovations["coloured"] = other.innovations
         curves |= {f"fir{c:g}": classical.fir(line, c) for c in fir}
+        curves |= {f"fircut{c:g}": classical.fir(line, c, cut_ends=True) for c in fir}
         curves |= {f"butter{c:g}": classical.butterworth(line, c) for c in butter}
         names = [name for name in ("tau3", "k1", "k2", "k3") if name in plain.smoothed.names]
         out.append(
