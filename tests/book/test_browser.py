@@ -1,4 +1,4 @@
-"""Every page of the book in a headless browser, as a reader opens it: from the disk, light and dark, wide and narrow."""
+"""Every page of the book in a headless browser, from the disk: light and dark, wide and narrow."""
 
 from __future__ import annotations
 
@@ -15,17 +15,20 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+pytestmark = pytest.mark.browser
 
 WIDE, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 _LOOK = """() => ({
   math: document.querySelectorAll('span.math, div.math').length,
-  unrendered: [...document.querySelectorAll('span.math, div.math')].filter(e => !e.querySelector('mjx-container')).length,
+  unrendered: [...document.querySelectorAll('span.math, div.math')]
+    .filter(e => !e.querySelector('mjx-container')).length,
   failed: document.querySelectorAll('mjx-merror').length,
   theme: document.documentElement.dataset.theme,
-  silent: [...document.images].filter(i => !i.hasAttribute('alt') || (!i.alt.trim() && i.closest('article'))).map(i => i.src),
+  silent: [...document.images]
+    .filter(i => !i.hasAttribute('alt') || (!i.alt.trim() && i.closest('article'))).map(i => i.src),
   broken: [...document.images].filter(i => i.complete && !i.naturalWidth && i.offsetParent).map(i => i.src),
-  shown: [...document.querySelectorAll('img.twin-light, img.twin-dark')].filter(i => i.offsetParent).map(i => i.className),
+  shown: [...document.querySelectorAll('img.twin-light, img.twin-dark')]
+    .filter(i => i.offsetParent).map(i => i.className),
   twins: document.querySelectorAll('img.twin-light').length,
   wide: document.documentElement.scrollWidth - document.documentElement.clientWidth,
 })"""
@@ -78,7 +81,9 @@ def _visit(page, path: Path, visit: Visit, axe: str) -> Visit:
     options = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'], preload: false}"
     found = page.evaluate(f"() => axe.run(document, {options})")
     visit.violations = [f"{v['id']}: {n['target']} {n['html'][:120]}" for v in found["violations"] for n in v["nodes"]]
-    visit.seen["wide open"] = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    visit.seen["wide open"] = page.evaluate(
+        "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    )
     page.close()
     return visit
 

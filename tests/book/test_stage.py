@@ -70,7 +70,12 @@ def test_an_echoed_value_is_not_shown(toy_root: Path) -> None:
 
 def test_a_figure_without_data_offers_none(toy_root: Path) -> None:
     def without(notebook) -> None:
-        record = next(o.data[toybook.FIGURE_TYPE] for c in notebook.cells for o in c.get("outputs", []) if toybook.FIGURE_TYPE in o.get("data", {}))
+        record = next(
+            o.data[toybook.FIGURE_TYPE]
+            for c in notebook.cells
+            for o in c.get("outputs", [])
+            if toybook.FIGURE_TYPE in o.get("data", {})
+        )
         del record["files"]["csv"]
 
     rerecord(toy_root, without)
@@ -88,14 +93,18 @@ def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
     assert "quick" not in sources
     assert "nb.finish()" not in sources
     assert all("hide-input" in cell.metadata.tags for cell in code)
-    assert code[0].source.startswith("frequency = 2.0") and "Notebook(" in code[0].source and "nb.figure" in code[0].source
+    assert (
+        code[0].source.startswith("frequency = 2.0") and "Notebook(" in code[0].source and "nb.figure" in code[0].source
+    )
     assert code[0].metadata.mystnb.code_prompt_show == "Parameters: show"
     assert [o.text for cell in code for o in cell.outputs] == ["x" * 200 + "\n", "the end\n"]
 
 
 def test_an_author_may_show_a_cell(toy_root: Path) -> None:
     rerecord(toy_root, lambda notebook: notebook.cells[4].metadata.update(tags=["show-input"]))
-    shown = [cell for cell in staged(toy_root).cells if cell.cell_type == "code" and "hide-input" not in cell.metadata.tags]
+    shown = [
+        cell for cell in staged(toy_root).cells if cell.cell_type == "code" and "hide-input" not in cell.metadata.tags
+    ]
     assert [cell.source for cell in shown] == ["nb.figure('wave', draw)"]
 
 
@@ -176,7 +185,11 @@ def test_pages_that_left_the_book_leave_the_site(toy_root: Path) -> None:
 
 def tree(folder: Path) -> dict[str, str]:
     """Path -> SHA-256 of all files below a folder."""
-    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
 
 
 def test_the_page_of_a_notebook_in_html(toy_root: Path) -> None:

@@ -136,9 +136,7 @@ def run(folder: Path) -> None:
     metrics.parent.mkdir(parents=True, exist_ok=True)
     for path in (folder / "metrics.json", metrics):
         path.write_text(json.dumps({"wave.rms": {"value": 0.70711, "unit": "m"}}))
-    (folder / "provenance.json").write_text(
-        json.dumps(_PROVENANCE)
-    )
+    (folder / "provenance.json").write_text(json.dumps(_PROVENANCE))
     nbformat.write(notebook(), folder / "notebook.ipynb")
 
 
@@ -156,7 +154,8 @@ def notebook() -> nbformat.NotebookNode:
     }  # fmt: skip
     verdicts = {
         "name": "verdicts", "caption": "Claims.", "header": ["The paper says", "Ours", "Verdict", "Why"],
-        "align": ["left"] * 4, "rows": [["Fig. 1: a", "1.2 × 10⁻³", "calibrated", "a was tuned"]], "files": {"csv": "tables/verdicts.csv"},
+        "align": ["left"] * 4, "files": {"csv": "tables/verdicts.csv"},
+        "rows": [["Fig. 1: a", "1.2 × 10⁻³", "calibrated", "a was tuned"]],
     }  # fmt: skip
 
     def code(source: str, *data: dict, tags: tuple[str, ...] = ()) -> nbformat.NotebookNode:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,6 +126,13 @@ def test_errors_cancel_in_the_variance_and_not_in_the_amplitude(recovery, truth)
     found = assess.spectrum(recovery, "turned", truth)
     assert found.difference[5] <= 1e-15 * found.variance[5]
     assert found.amplitude[5] == pytest.approx(truth.radius * np.sqrt(2) * abs(truth.C[5, 3] - truth.S[5, 3]), rel=1e-12)
+
+
+def test_formal_amplitude_is_the_propagated_white_noise(recovery, truth):
+    formal = np.tril(np.full((7, 7), 2.0))
+    formal_S = formal * (np.arange(7) > 0)
+    found = assess.formal_amplitude(replace(recovery, formal_C=formal, formal_S=formal_S), truth, 1e-8)
+    np.testing.assert_allclose(found, truth.radius * 2e-8 * np.sqrt(2 * np.arange(7) + 1), rtol=1e-14)
 
 
 def test_degree_variances_of_the_input_field():

@@ -88,6 +88,31 @@ def test_fused_filters_are_the_core_filters(short, which):
     assert_same(ours.smoothed.x, smooth.mean, smooth.cov, 1e-4)
 
 
+@pytest.mark.parametrize("which", ["ukf", "ekf"])
+def test_simultaneous_filters_are_the_core_filters_of_one_vector(tiny, which):
+    """Position and range-rate in one sensor of four components."""
+    data, tuning = Observations(30.0, tiny.data.baseline[:40], tiny.data.rate[:40], tiny.data.prior_mean, tiny.data.prior_cov), Tuning()
+    Phi, Q = kinematic(30.0, tuning.q(30.0))
+
+    def gradient(x, t):
+        H = np.eye(4, 9)
+        _range_rate_row(x, H[3])
+        return H
+
+    R = np.diag(np.r_[np.full(3, tuning.sigma_r**2), tuning.sigma_rr(30.0) ** 2])
+    sensor = kalman.Sensor(
+        z=np.column_stack([data.baseline, data.rate]), R=R, H=gradient, h=lambda x, t: np.append(x[:3], range_rate(x[:3], x[3:6]))
+    )
+    prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), 30.0 * np.arange(40)
+    if which == "ukf":
+        theirs = kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, [sensor], alpha=1.0, beta=0.0, kappa=2.0)
+    else:
+        theirs = kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, [sensor])
+    ours = {"ukf": estimate.ukf, "ekf": estimate.fused_ekf}[which](data, tuning, "simultaneous")
+    assert_same(ours.filtered.x, theirs.mean, theirs.cov, 1e-4)
+    np.testing.assert_allclose(ours.innovations, theirs.whitened, rtol=0, atol=1e-4)
+
+
 def test_three_states_per_axis_are_the_nine_states(tiny):
     """Without range-rates the axes decouple: section 7's unit test, to 1e-9 m (positions are 2e5 m)."""
     tuning, data = Tuning(), tiny.data
@@ -226,9 +251,11 @@ def test_position_filter_needs_no_range_rates(short):
 def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
     """A prior of variance zero has no sigma points; the extended filter needs none."""
     certain = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, np.zeros((9, 9)))
-    with pytest.raises(NotPositiveDefinite, match="covariance is not positive definite at epoch 0") as caught:
+    with pytest.raises(NotPositiveDefinite, match="not positive definite at epoch 0") as caught:
         estimate.ukf(certain, Tuning())
     assert caught.value.epoch == 0
+    with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
+        estimate.ukf(certain, Tuning(), "simultaneous")
     assert np.isfinite(estimate.fused_ekf(certain, Tuning()).filtered.x).all()
 
 
@@ -237,8 +264,20 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e306], 3))
     data = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, wide)
     for method in METHODS.values():
-        with pytest.raises(NotPositiveDefinite, match=r"innovation covariance is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
+        with pytest.raises(NotPositiveDefinite, match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
             method(data, Tuning())
+    for method in (estimate.ukf, estimate.fused_ekf):
+        with pytest.raises(NotPositiveDefinite, match=r"at epoch 1\b"), np.errstate(all="ignore"):
+            method(data, Tuning(), "simultaneous")
+
+
+@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted covariance"), ("ukf", "covariance of the state or of the innovation"), ("fused_ekf", "covariance of the state or of the innovation")])
+def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
+    """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
+    wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
+    data = Observations(30.0, tiny.data.baseline, tiny.data.rate, tiny.data.prior_mean, wide)
+    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} is not positive definite at epoch \d+"):
+        METHODS[method](data, Tuning(lambda_q=1e-8))
 
 
 def test_newton_needs_nine_epochs(tiny):
@@ -260,7 +299,7 @@ def test_one_epoch_is_enough_for_a_filter(tiny):
 def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
     """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do not."""
     Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
-    assert Wm.shape == Wc.shape == (19,)
+    assert Wm.shape == Wc.shape == (estimate.SIGMA_POINTS,) == (19,)
     assert Wm[0] == pytest.approx(2 / 11) and Wc[0] == pytest.approx(2 / 11)
     np.testing.assert_allclose(Wm[1:], 1 / 22)
     assert Wm.sum() == pytest.approx(1.0, abs=1e-15)

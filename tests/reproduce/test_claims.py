@@ -3,11 +3,14 @@
 import json
 
 import pytest
+
 from geokalman.reproduce import claims
 from geokalman.reproduce.errors import Fault, Misuse
 
-BASE = {"id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m", "metric": "toy/01-line:x", "accept": {"rel": 0.1},
-        "verdict": "reproduced"}  # fmt: skip
+BASE = {
+    "id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m",
+    "metric": "toy/01-line:x", "accept": {"rel": 0.1}, "verdict": "reproduced",
+}  # fmt: skip
 
 
 def make(**change):
@@ -15,7 +18,9 @@ def make(**change):
 
 
 def metrics(value, unit="m"):
-    return lambda notebook: {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+    return lambda notebook: (
+        {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+    )
 
 
 @pytest.mark.parametrize(
@@ -52,7 +57,10 @@ def test_the_most_critical_word_that_applies(change, ours, verdict):
         ({"left": "toy/01-line:x", "op": ">", "right": "toy/01-line:y"}, "not-reproduced"),
         ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.2}, "not-reproduced"),
         ({"left": "toy/01-line:x", "op": "<=", "right": 2}, "reproduced"),
-        ([{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}], "not-reproduced"),
+        (
+            [{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}],
+            "not-reproduced",
+        ),
     ],
 )
 def test_comparisons(comparisons, verdict):
@@ -61,7 +69,9 @@ def test_comparisons(comparisons, verdict):
 
 
 def test_a_comparison_shows_both_sides():
-    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1})
+    claim = make(
+        metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}
+    )
     assert claims.judge(claim, metrics(2.0)).ours == "2.000 not < 0.1 × 10.00"
 
 
@@ -129,7 +139,10 @@ def test_which_claims_a_notebook_decides(toy):
 
 
 def write_metrics(root, mean):
-    for name, value in (("01-line", {"line.mean": {"value": mean, "unit": "m"}}), ("02-constant", {"quotient": {"value": 3.0, "unit": ""}})):
+    for name, value in (
+        ("01-line", {"line.mean": {"value": mean, "unit": "m"}}),
+        ("02-constant", {"quotient": {"value": 3.0, "unit": ""}}),
+    ):
         path = root / "book" / "_build" / "metrics" / "toy" / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(value))
@@ -137,7 +150,10 @@ def write_metrics(root, mean):
 
 def test_tables_and_readme(toy):
     write_metrics(toy, 49.0)
-    assert "| Table 1: the mean of the line | 49 m | 49.00 m | reproduced | accepted ±0.1 % |" in claims.verdicts_markdown(toy, "toy")
+    assert (
+        "| Table 1: the mean of the line | 49 m | 49.00 m | reproduced | accepted ±0.1 % |"
+        in claims.verdicts_markdown(toy, "toy")
+    )
     assert claims.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
     assert not claims.readme_agrees(toy)
     (toy / "README.md").write_text(claims.readme_with_block(toy))
@@ -155,7 +171,11 @@ def test_tables_and_readme(toy):
     [
         ({"printed": 5.26357e-6}, "5.26357 × 10⁻⁶ m", "accepted ±10 %"),
         ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
-        ({"printed": 20, "reads": 2.0, "because": "a zero too many"}, "20 m; read as 2 m", "a zero too many; accepted ±10 %"),
+        (
+            {"printed": 20, "reads": 2.0, "because": "a zero too many"},
+            "20 m; read as 2 m",
+            "a zero too many; accepted ±10 %",
+        ),
     ],
 )
 def test_a_row_shows_print_reading_and_reason(change, printed, why):

@@ -7,6 +7,7 @@ import shutil
 import matplotlib.image
 import numpy as np
 import pytest
+
 from geokalman.reproduce import compare, graph
 from geokalman.reproduce.errors import Fault, Misuse
 
@@ -59,7 +60,9 @@ def test_against_the_stored_reference_where_there_is_no_book(pair, tmp_path, geo
 
 def test_what_cannot_be_compared(pair, tmp_path):
     root, mine = pair
-    with pytest.raises(Misuse, match="mine is a run of toy/01-line, .* one of toy/02-constant; two runs of one notebook"):
+    with pytest.raises(
+        Misuse, match="mine is a run of toy/01-line, .* one of toy/02-constant; two runs of one notebook"
+    ):
         compare.compare(root, mine, graph.run_folder(root, "toy/02-constant"))
     with pytest.raises(Misuse, match="nowhere is no folder of a run and no notebook"):
         compare.resolve(root, "nowhere", root)

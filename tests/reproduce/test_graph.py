@@ -11,13 +11,18 @@ import time
 from pathlib import Path
 
 import pytest
+
 from geokalman.reproduce import graph
 
 
 def contents(root: Path) -> dict[str, bytes]:
     """All results of a build but the one file that holds times."""
     made = root / "book" / "_build"
-    return {p.relative_to(made).as_posix(): p.read_bytes() for p in sorted(made.rglob("*")) if p.is_file() and p.name != "provenance.json"}
+    return {
+        p.relative_to(made).as_posix(): p.read_bytes()
+        for p in sorted(made.rglob("*"))
+        if p.is_file() and p.name != "provenance.json"
+    }
 
 
 @pytest.fixture
@@ -49,7 +54,9 @@ def test_two_builds_differ_in_times_only(built, copy, geokalman):
     assert geokalman(copy, "build", "--no-html").returncode == 0
     assert contents(copy) == contents(built)
     for name in ("01-line", "02-constant"):
-        one, two = (json.loads((r / "book/_build/runs/toy" / name / "provenance.json").read_text()) for r in (built, copy))
+        one, two = (
+            json.loads((r / "book/_build/runs/toy" / name / "provenance.json").read_text()) for r in (built, copy)
+        )
         assert {k for k in one | two if one.get(k) != two.get(k)} <= {"finished", "seconds"}
 
 
@@ -84,7 +91,9 @@ def test_an_edited_module_makes_stale_what_imports_it(built, package_copy):
     def keys(value: int) -> list[str]:
         (package_copy / "geokalman" / "used.py").write_text(f"x = {value}\n")
         env = os.environ | {"PYTHONPATH": str(package_copy), "GEOKALMAN_ROOT": str(root)}
-        return subprocess.run([sys.executable, "-c", code], cwd=package_copy, env=env, capture_output=True, text=True).stdout.split()
+        return subprocess.run(
+            [sys.executable, "-c", code], cwd=package_copy, env=env, capture_output=True, text=True
+        ).stdout.split()
 
     before, after = keys(1), keys(2)
     assert len(before) == 2 and before[0] != after[0] and before[1] == after[1]
@@ -156,14 +165,19 @@ def test_killed_at_any_moment_and_resumed(toy, geokalman, built, moment):
 
 def test_interrupted_build_is_one_sentence(toy, geokalman):
     path = toy / "book" / "toy" / "02-constant.md"
-    path.write_text(path.read_text().replace("half = 0.5", "import time; open('../../started', 'w').close(); time.sleep(60)"))
+    path.write_text(
+        path.read_text().replace("half = 0.5", "import time; open('../../started', 'w').close(); time.sleep(60)")
+    )
     process = geokalman(toy, "build", "--no-html", wait=False)
     end = time.monotonic() + 60
     while not (toy / "started").exists() and time.monotonic() < end:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=30)
-    assert process.returncode == 130 and told.strip().splitlines()[-1] == "geokalman: interrupted; what was finished stays."
+    assert (
+        process.returncode == 130
+        and told.strip().splitlines()[-1] == "geokalman: interrupted; what was finished stays."
+    )
     assert "Traceback" not in told
 
 

@@ -131,7 +131,7 @@ def _run(data: Observations, tuning: Tuning, kind: int, covariances: bool) -> Es
         tuning.sigma_r**2, tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
     )  # fmt: skip
     if failed >= 0:
-        raise NotPositiveDefinite("innovation covariance", failed)
+        raise NotPositiveDefinite("covariance of the state or of the innovation", failed)
     x_s, P_s = np.empty((n, N)), np.empty((n if covariances else 1, N, N))
     failed = _smooth(x_pred, P_pred, x, P, Phi, Q, covariances, x_s, P_s)
     if failed >= 0:

@@ -53,7 +53,7 @@ def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes
 def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal: Mapping[str, Array]) -> Figure:
     """Signal and error amplitude per degree in geoid height [m] for every observable.
 
-    formal: id -> amplitude that white errors of the observable's size would leave, drawn as the edge of a band below its line.
+    formal: id -> amplitude that white errors of the observable's size would leave, drawn as a band from half to twice of it.
     """
     figure, axes = plt.subplots(figsize=(7.2, 4.4))
     for name, values in formal.items():

@@ -22,7 +22,7 @@ _LEFT = re.compile(r"\.(?P<name>.+)\.(?P<kind>partial|old)-[^.]+")
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn an operating-system error while writing to `path` into one sentence (Fault); what stood there before stays."""
+    """Turn an operating-system error while writing to `path` into one sentence (Fault); what stood there stays."""
     try:
         yield
     except OSError as error:

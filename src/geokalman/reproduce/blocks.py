@@ -1,5 +1,8 @@
-"""What the prose has filled in when the book is staged: blocks, called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`,
-and recorded numbers, called by `[[<paper>/<notebook>:<key>]]` within a sentence."""
+"""What the prose has filled in when the book is staged.
+
+A block is called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`, a recorded number by
+`[[<paper>/<notebook>:<key>]]` within a sentence.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ _NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
 
 
 def fill(text: str, root: Path) -> str:
-    """Replace each call of a block or of a recorded number; raises Fault for an argument too many or too few, or an unknown number."""
+    """Replace each call of a block or number; raises Fault for a wrong number of arguments or an unknown number."""
 
     def block(match: re.Match[str]) -> str:
         name, argument = match.groups()
@@ -37,7 +40,8 @@ def recorded_number(root: Path, notebook: str, key: str) -> str:
     """A recorded number of this build with its unit, for a sentence; raises Fault where there is none of that name."""
     metrics = claims.recorded(root, notebook)
     if metrics is None or key not in metrics:
-        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {', '.join(metrics or {}) or 'nothing yet'}.")
+        there = ", ".join(metrics or {}) or "nothing yet"
+        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {there}.")
     return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
 
 
@@ -86,16 +90,23 @@ def api(root: Path) -> str:
     """The public functions and classes of the package, module by module: signature and first sentence."""
     package = root / "src" / "geokalman"
     parts = []
-    for path in sorted(package.rglob("*.py"), key=lambda p: (_SHELVES.index(p.parent.name) if p.parent.name in _SHELVES else 9, p)):
+    for path in sorted(package.rglob("*.py"), key=_shelf):
         names = path.relative_to(package.parent).with_suffix("").parts
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        public = [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_" and ast.get_docstring(n)]
+        named = (n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_")
+        public = [n for n in named if ast.get_docstring(n)]
         if public and "reproduce" not in names:
             dotted = ".".join(names[:-1] if names[-1] == "__init__" else names)
             parts += [f"## `{dotted}`", "", _sentence(tree), ""]
             for node in public:
                 parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
     return "\n".join(parts)
+
+
+def _shelf(path: Path) -> tuple[int, Path]:
+    """Place of a module in the list of the package."""
+    folder = path.parent.name
+    return (_SHELVES.index(folder) if folder in _SHELVES else len(_SHELVES), path)
 
 
 def _signature(node: ast.FunctionDef | ast.ClassDef) -> str:

@@ -66,7 +66,9 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
         return Comparison(str(left), f"reference ({mode})", [], _rows(metrics, others), [])
     other_told, others, other_arrays = reference.read_run(right)
     if other_told["notebook"] != name:
-        raise Misuse(f"{left} is a run of {name}, {right} one of {other_told['notebook']}; two runs of one notebook compare.")
+        raise Misuse(
+            f"{left} is a run of {name}, {right} one of {other_told['notebook']}; two runs of one notebook compare."
+        )
     mine, theirs = told["parameters"], other_told["parameters"]
     changed = [(k, mine.get(k), theirs.get(k)) for k in {**mine, **theirs} if mine.get(k) != theirs.get(k)]
     rows = _rows(metrics, others)
@@ -75,8 +77,12 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
         if a.shape == b.shape and a.size:
             worst, largest = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (a - b, b))
             unit = told["arrays"][key]["unit"]
-            rows.append(Row(f"{key} (array: rms, largest difference)", unit, _rms(a), _rms(b), worst, _ratio(worst, largest)))
-    figures = sorted({p.name[:-4] for p in left.glob("figures/*.csv")} & {p.name[:-4] for p in right.glob("figures/*.csv")})
+            rows.append(
+                Row(f"{key} (array: rms, largest difference)", unit, _rms(a), _rms(b), worst, _ratio(worst, largest))
+            )
+    figures = sorted(
+        {p.name[:-4] for p in left.glob("figures/*.csv")} & {p.name[:-4] for p in right.glob("figures/*.csv")}
+    )
     return Comparison(str(left), str(right), changed, rows, figures)
 
 
@@ -94,7 +100,9 @@ def _rows(metrics: claims.Metrics, others: claims.Metrics) -> list[Row]:
         left, right = metrics.get(key, {}).get("value"), others.get(key, {}).get("value")
         unit = (metrics.get(key) or others[key])["unit"]
         both = left is not None and right is not None
-        rows.append(Row(key, unit, left, right, left - right if both else None, _ratio(left - right, right) if both else None))
+        rows.append(
+            Row(key, unit, left, right, left - right if both else None, _ratio(left - right, right) if both else None)
+        )
     return rows
 
 
@@ -122,7 +130,9 @@ def write_page(comparison: Comparison, folder: Path) -> Path:
         try:
             parts = []
             for name in comparison.figures:
-                image = overlay(_read_csv(left / "figures" / f"{name}.csv"), _read_csv(right / "figures" / f"{name}.csv"), name)
+                image = overlay(
+                    _read_csv(left / "figures" / f"{name}.csv"), _read_csv(right / "figures" / f"{name}.csv"), name
+                )
                 (new / f"{name}.png").write_bytes(image)
                 parts.append(_figure_html(name, image))
             (new / "compare.html").write_text(_page_html(comparison, parts), encoding="utf-8")
@@ -135,7 +145,8 @@ def write_page(comparison: Comparison, folder: Path) -> Path:
 def _figure_html(name: str, image: bytes) -> str:
     data = base64.b64encode(image).decode()
     alt = f"The data of figure {name} from both runs laid over each other"
-    return f'<figure><img alt="{alt}" src="data:image/png;base64,{data}"><figcaption>{html.escape(name)}</figcaption></figure>'
+    caption = f"<figcaption>{html.escape(name)}</figcaption>"
+    return f'<figure><img alt="{alt}" src="data:image/png;base64,{data}">{caption}</figure>'
 
 
 def _page_html(c: Comparison, figures: list[str]) -> str:
@@ -147,8 +158,10 @@ def _page_html(c: Comparison, figures: list[str]) -> str:
         "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}"
         "td,th{padding:.15rem .8rem .15rem 0;text-align:left}img{max-width:100%}</style></head><body><main>\n"
         f"<h1>Two runs compared</h1>\n<p>left: {html.escape(c.left)}<br>right: {html.escape(c.right)}</p>\n"
-        f"<h2>Parameters that differ (left | right)</h2><ul>{changed}</ul>\n<h2>Numbers</h2><table><thead><tr>{head}</tr></thead>"
-        f"<tbody>{body}</tbody></table>\n<h2>Figures</h2>{''.join(figures) or '<p>None that both have.</p>'}\n</main></body></html>\n"
+        f"<h2>Parameters that differ (left | right)</h2><ul>{changed}</ul>\n"
+        f"<h2>Numbers</h2><table><thead><tr>{head}</tr></thead>"
+        f"<tbody>{body}</tbody></table>\n<h2>Figures</h2>{''.join(figures) or '<p>None that both have.</p>'}\n"
+        "</main></body></html>\n"
     )
 
 
@@ -180,7 +193,9 @@ def overlay(left: dict[str, np.ndarray], right: dict[str, np.ndarray], title: st
         figure, axes = plt.subplots(len(columns), 1, figsize=(8, 2.6 * len(columns)), squeeze=False)
         for axis, column in zip(axes[:, 0], columns, strict=True):
             if len(places) == 2 and left[column].shape == right[column].shape:
-                points = axis.scatter(left[places[0]], left[places[1]], c=left[column] - right[column], s=2, cmap=style.DIVERGING)
+                points = axis.scatter(
+                    left[places[0]], left[places[1]], c=left[column] - right[column], s=2, cmap=style.DIVERGING
+                )
                 figure.colorbar(points, ax=axis, label=f"{column}: left − right")
             else:
                 axis.plot(left[shared[0]], left[column], color=_LEFT, lw=1.6, label="left")

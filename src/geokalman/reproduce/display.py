@@ -46,7 +46,7 @@ def cell(value: Any, form: str | None = None) -> str:
         return "yes" if value else "no"
     if isinstance(value, numbers.Real):
         value = value.item() if hasattr(value, "item") else value
-        if not form:
+        if not form or value == 0:
             return number(value)
         mantissa, e, exponent = f"{value:{form}}".partition("e")
         power = f" × 10{str(int(exponent)).translate(_SUPERSCRIPT)}" if e else ""
@@ -72,7 +72,9 @@ def figure_bundle(record: Mapping[str, Any], png: bytes) -> dict[str, Any]:
 def table_bundle(record: Mapping[str, Any]) -> dict[str, Any]:
     """MIME bundle of a table; `record` has name, caption, header, rows (texts), align (per column) and files."""
     header, rows, align = record["header"], record["rows"], record["align"]
-    head = "".join(f'<th scope="col" style="text-align: {a}">{html.escape(h)}</th>' for h, a in zip(header, align, strict=True))
+    head = "".join(
+        f'<th scope="col" style="text-align: {a}">{html.escape(h)}</th>' for h, a in zip(header, align, strict=True)
+    )
     body = []
     for row in rows:
         cells = [f'<th scope="row" style="text-align: {align[0]}">{html.escape(row[0])}</th>']

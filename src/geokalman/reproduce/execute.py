@@ -75,8 +75,8 @@ def run(
 
 
 def _run_alone(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool, threads: int,
-    progress: Progress | None, key: str,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool,
+    threads: int, progress: Progress | None, key: str,
 ) -> Path:  # fmt: skip
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
@@ -112,8 +112,13 @@ def _run_alone(
     return out
 
 
+def notes(folder: Path) -> list[str]:
+    """What the machinery had to say about a run (a damaged result made anew), kept out of the notebook itself."""
+    return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
+
+
 def stop_all(patience: float = 10.0) -> None:
-    """Kill the kernels that this process started, and wait up to `patience` seconds for their half-made folders to go."""
+    """Kill the kernels that this process started, and wait up to `patience` seconds until their folders are cleared."""
     for kernel in list(_kernels):
         if kernel.provisioner is not None and kernel.provisioner.pid:
             with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -140,7 +145,10 @@ def refuse_foreign(out: Path) -> None:
     if out.is_dir():
         inside = sorted(p.name for p in out.iterdir())
         if inside and "provenance.json" not in inside:
-            raise Misuse(f"{out} holds other things ({', '.join(inside[:3])}); name a new or empty folder, or that of an earlier run.")
+            raise Misuse(
+                f"{out} holds other things ({', '.join(inside[:3])}); "
+                "name a new or empty folder, or that of an earlier run."
+            )
     elif out.exists():
         raise Misuse(f"{out} is a file; a run is written into a folder: name a new one.")
 

@@ -47,7 +47,7 @@ class Interval(BaseModel):
 
 
 class Parameter(BaseModel):
-    """One parameter: its type is that of the default; unit, range (interval or choices) and help come from the comment."""
+    """One parameter: type from the default; unit, range (interval or choices) and help from the comment."""
 
     model_config = ConfigDict(frozen=True)
     name: str
@@ -89,7 +89,7 @@ class Parameter(BaseModel):
         return words + (" or None" if self.optional else "")
 
     def check(self, value: Any, base: Path | None = None) -> Any:
-        """The value in the parameter's own type; raises Misuse with one sentence where it has another type or is out of range.
+        """The value in the parameter's own type; raises Misuse for another type or one out of range.
 
         An int is taken for a float, never a bool for a number. A path is made absolute from `base` and must exist.
         """
@@ -196,7 +196,9 @@ def _parse_value(text: str, parameter: Parameter) -> Any:
     except ValueError as error:
         if parameter.kind == "str" and not parameter.many:
             return text
-        raise Misuse(f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}.") from error
+        raise Misuse(
+            f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}."
+        ) from error
     if parameter.kind == "str" and not parameter.many and not isinstance(value, str):
         return None if value is None and parameter.optional else text
     return value
@@ -208,7 +210,7 @@ def load(root: Path, name: str) -> Specification:
 
 
 def specification(notebook: NotebookNode, name: str) -> Specification:
-    """Read the cells tagged `parameters` and `quick`; raises Fault, naming notebook and line, where they are malformed."""
+    """Read the cells tagged `parameters` and `quick`; raises Fault with notebook and line for malformed ones."""
     try:
         source, quick_source = notebooks.tagged(notebook, "parameters"), notebooks.tagged(notebook, "quick")
         parameters = {p.name: p for p in _read_cell(source)} if source else {}
@@ -229,7 +231,7 @@ def _read_quick(source: str) -> dict[str, Any]:
     tree = ast.parse(source)
     assigned = [n for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "quick"]
     if len(tree.body) != 1 or not assigned:
-        raise Fault("the cell tagged quick must be one assignment, as in quick = {\"days\": 5.0}.")
+        raise Fault('the cell tagged quick must be one assignment, as in quick = {"days": 5.0}.')
     values = _literal(assigned[0].value, source)
     if not isinstance(values, dict):
         raise Fault(f"quick = {values!r} is no dictionary of parameter values.")
@@ -247,7 +249,9 @@ def _read_cell(source: str) -> list[Parameter]:
         if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
             name = node.targets[0].id
         else:
-            raise Fault(f"line {node.lineno} of the parameters cell, {line!r}, is no assignment of a literal to a name.")
+            raise Fault(
+                f"line {node.lineno} of the parameters cell, {line!r}, is no assignment of a literal to a name."
+            )
         try:
             comment = comments.get(node.end_lineno or node.lineno, "")
             found.append(_describe(name, _literal(node.value, ast.unparse(node.value)), comment))
@@ -257,7 +261,7 @@ def _read_cell(source: str) -> list[Parameter]:
 
 
 def _describe(name: str, default: Any, comment: str) -> Parameter:
-    """Parameter from its default and its comment `<range> <unit>: <help>`; a None default's unit begins with its type."""
+    """Parameter from default and comment `<range> <unit>: <help>`; a None default's unit begins with its type."""
     bounds = _INTERVAL.match(comment)
     braces = _CHOICES.match(comment)
     rest = comment[(bounds or braces).end() :] if bounds or braces else comment  # type: ignore[union-attr]

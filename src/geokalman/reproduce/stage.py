@@ -32,8 +32,8 @@ class StageError(Fault):
 def stage(root: Path) -> Path:
     """Write `book/_build/site/` from the pages of `book/_toc.yml` and the run folders; returns that folder.
 
-    The folder appears whole or not at all, and holds nothing of pages that left the book. Raises StageError where a page,
-    a run or a part of a run is missing.
+    The folder appears whole or not at all, and holds nothing of pages that left the book. Raises StageError where a
+    page, a run or a part of a run is missing.
     """
     book, site = root / "book", root / "book" / "_build" / "site"
     pages = toc_pages(book / "_toc.yml")
@@ -86,7 +86,7 @@ def toc_pages(toc: Path) -> list[str]:
 
 
 def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
-    """The executed notebook of `run` as a page of the book; what it shows or offers is copied into the folder `files`."""
+    """The executed notebook of `run` as a page of the book; what it shows or offers is copied into `files`."""
     notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
     files.mkdir(parents=True)
     cells: list[nbformat.NotebookNode] = []
@@ -99,7 +99,8 @@ def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.No
             if not cell.source:
                 continue
             shown = [_directive(page, output, run, files) for output in cell.outputs]
-            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None and not _echo(output)]
+            kept = (output for output, text in zip(cell.outputs, shown, strict=True) if text is None)
+            cell.outputs = [output for output in kept if not _echo(output)]
             _fold(cell)
             if cells and _joins(cells[-1], cell):
                 cells[-1].source += "\n\n" + cell.source
@@ -182,12 +183,12 @@ def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path)
 
 
 def _echo(output: nbformat.NotebookNode) -> bool:
-    """Whether an output only echoes the value of a cell's last expression; what is meant for readers is displayed or printed."""
+    """Whether an output only echoes a cell's last expression; what is meant for readers is displayed or printed."""
     return output.get("output_type") == "execute_result" and set(output.get("data", {})) <= {"text/plain"}
 
 
 def label(page: str, name: str) -> str:
-    """Label by which pages refer to a figure or table: its name; the table `verdicts`, one a notebook, adds the page's."""
+    """Label of a figure or table for cross-references: its name; the table `verdicts` adds the page's."""
     return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
 
 
