@@ -195,18 +195,6 @@ def repeats(axis_m: Array, passes: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def bars(groups: Sequence[str], values: Mapping[str, Sequence[float]], ylabel: str) -> Figure:
-    """Grouped bars: one group a case, one bar a method."""
-    figure, axes = plt.subplots(figsize=(7.2, 3.4))
-    width = 0.8 / len(values)
-    for k, (name, v) in enumerate(values.items()):
-        axes.bar(np.arange(len(groups)) + (k - (len(values) - 1) / 2) * width, v, width, color=_looks()[k]["color"], label=name)
-    axes.set_xticks(np.arange(len(groups)), groups)
-    axes.set_ylabel(ylabel)
-    axes.legend()
-    return figure
-
-
 def downward(wavelength_km: Array, factors: Mapping[str, Array]) -> Figure:
     """Factor by which downward continuation multiplies noise, against wavelength [km], for heights."""
     figure, axes = plt.subplots(figsize=(7.2, 3.0))

@@ -127,7 +127,7 @@ def claims(
         for judgement in claims.judge_paper(root, name):
             row = claims.row(judgement)
             if not judgement.as_expected:
-                row[5] += f" (expected {judgement.claim.verdict})"
+                row[claims.HEADER.index("Verdict")] += f" (expected {judgement.claim.verdict})"
             table.add_row(judgement.claim.id, *map(_plain, row))
         _console().print(table)
 
