@@ -52,7 +52,7 @@ def along_lines(
 
 def grids(east_km: Array, north_km: Array, panels: Mapping[str, Array], symmetric: Mapping[str, bool], lines: Sequence[tuple[Array, Array]] = ()) -> Figure:
     """Gridded quantities (north, east) [mGal]; symmetric ones about zero; the flight lines in grey."""
-    figure, axes = plt.subplots(1, len(panels), figsize=(7.2, 4.4), sharex=True, sharey=True, squeeze=False)
+    figure, axes = plt.subplots(1, len(panels), figsize=(7.2, 5.0), sharex=True, sharey=True, squeeze=False)
     for axis, (title, values) in zip(axes[0], panels.items(), strict=True):
         limit = np.nanmax(np.abs(values))
         span = {"vmin": -limit, "vmax": limit} if symmetric[title] else {}
