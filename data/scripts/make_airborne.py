@@ -1,4 +1,5 @@
-"""Make data/kauring_2012.xz (Kauring 2012, all lines) and data/eastvic_repeats.xyz.xz from the source archive of galileoqc.
+"""Make data/kauring_2012.xz (Kauring 2012, all lines) and data/eastvic_repeats.xyz.xz from the source archive of
+galileoqc.
 
     python data/scripts/make_airborne.py [galileoqc-1.0.16.tar.gz]
 

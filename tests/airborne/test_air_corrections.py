@@ -20,7 +20,9 @@ def test_eotvos_at_forty_degrees(v_east, v_north, value):
 
 def test_one_metre_per_second_costs_eleven_milligals():
     lat = np.radians(40)
-    assert corrections.eotvos(lat, 1500.0, 1.0, 65.0) - corrections.eotvos(lat, 1500.0, 0.0, 65.0) == pytest.approx(11.2, abs=0.1)
+    assert corrections.eotvos(lat, 1500.0, 1.0, 65.0) - corrections.eotvos(lat, 1500.0, 0.0, 65.0) == pytest.approx(
+        11.2, abs=0.1
+    )
 
 
 def test_eotvos_is_the_centrifugal_and_coriolis_acceleration_of_motion_over_a_turning_sphere():

@@ -34,13 +34,17 @@ def dense(built, z):
 
 def test_both_smoothers_are_the_dense_posterior(flown):
     line = flown[1].part(slice(0, 62))
-    line = model.replace(line, t=8.0 * (line.t - line.t[0]))  # long enough for the border; the steps keep their integrals
+    line = model.replace(
+        line, t=8.0 * (line.t - line.t[0])
+    )  # long enough for the border; the steps keep their integrals
     tuning = Tuning.preset("paper_like")
     built = build(line, tuning)
     mean, S = dense(built, line.z)
     pick = built.names.index("dg")
     for smoother in ("rts", "two-filter"):
-        np.testing.assert_allclose(estimate(line, tuning, smoother).smoothed.gravity, built.scale[pick] * mean[:, pick], rtol=0, atol=2e-5)
+        np.testing.assert_allclose(
+            estimate(line, tuning, smoother).smoothed.gravity, built.scale[pick] * mean[:, pick], rtol=0, atol=2e-5
+        )
     sign, logdet = np.linalg.slogdet(S)
     whole = -0.5 * (line.z @ np.linalg.solve(S, line.z) + logdet)
     assert sign == 1 and innovation_log_likelihood(line, tuning) == pytest.approx(whole, rel=1e-7)
@@ -105,7 +109,9 @@ def test_the_six_real_lines(six):
     np.testing.assert_allclose(judged.sd("forward", "ground"), FORWARD, atol=0.01)
     np.testing.assert_allclose(judged.sd("fb", "ground"), BOTH, atol=0.01)
     np.testing.assert_allclose(judged.sd("contractor", "ground"), CONTRACTOR, atol=0.001)
-    np.testing.assert_allclose(judged.sd("forward", "contractor"), [1.725, 1.498, 1.383, 1.633, 2.059, 2.343], atol=0.01)
+    np.testing.assert_allclose(
+        judged.sd("forward", "contractor"), [1.725, 1.498, 1.383, 1.633, 2.059, 2.343], atol=0.01
+    )
     np.testing.assert_allclose(judged.sd("fb", "contractor"), [0.290, 0.230, 0.115, 0.197, 0.389, 0.429], atol=0.01)
     np.testing.assert_allclose(judged.offset("fb", "contractor"), [0.63, 2.86, 0.16, -0.08, 4.12, 1.48], atol=0.01)
 
@@ -133,7 +139,9 @@ def test_likelihood_tuning_recovers_a_matched_world():
     found = tune.fit([line for _, line in flown], start, ("q_f", "R_m"), 60)
     assert found.tuning.q_f == pytest.approx(8.0, rel=0.4) and found.tuning.R_m == pytest.approx(0.02, rel=0.05)
     truth = sum(innovation_log_likelihood(line, Tuning.preset("matched")) for _, line in flown)
-    assert truth - 0.1 < found.log_likelihood < truth + 5.0  # two parameters gain chi-square(2)/2 over their true values
+    assert (
+        truth - 0.1 < found.log_likelihood < truth + 5.0
+    )  # two parameters gain chi-square(2)/2 over their true values
     with pytest.raises(ValueError, match="no lines to tune on"):
         tune.fit([], start)
     with pytest.raises(ValueError, match="colour_m = 0: a search in logarithms needs positive starts"):
@@ -148,7 +156,9 @@ GAINS = [
 
 @pytest.mark.parametrize(("preset", "V", "km", "gain"), GAINS)
 def test_smoother_gains(preset, V, km, gain):
-    np.testing.assert_allclose(classical.smoother_gain(Tuning.preset(preset), V, 0.5, 1e3 * np.array(km)), gain, atol=0.02)
+    np.testing.assert_allclose(
+        classical.smoother_gain(Tuning.preset(preset), V, 0.5, 1e3 * np.array(km)), gain, atol=0.02
+    )
 
 
 def test_gain_and_forward_response_are_those_of_the_filters_themselves():
@@ -159,7 +169,9 @@ def test_gain_and_forward_response_are_those_of_the_filters_themselves():
     wave = model.Line("wave", t, -np.sin(w * t) / w**2 + t / w, np.zeros(n), zeros, zeros, V)
     result = estimate(wave, tuning)
     middle = slice(1500, 2500)
-    assert np.abs(result.smoothed.gravity[middle]).max() == pytest.approx(classical.smoother_gain(tuning, V, 0.5, wavelength), abs=0.01)
+    assert np.abs(result.smoothed.gravity[middle]).max() == pytest.approx(
+        classical.smoother_gain(tuning, V, 0.5, wavelength), abs=0.01
+    )
     response = classical.forward_response(wave, tuning, run_filter(wave, build(wave, tuning)), [wavelength])[0]
     expected = np.imag(response * np.exp(1j * w * t))
     np.testing.assert_allclose(result.forward.gravity[middle], expected[middle], atol=0.02)
@@ -177,7 +189,11 @@ def test_fir_keeps_a_constant_and_halves_its_cutoff():
 
 def test_low_pass_filters_on_a_line(flown):
     truth, line = flown
-    for values in (classical.fir(line, 140.0), classical.fir(line, 140.0, cut_ends=True), classical.butterworth(line, 140.0)):
+    for values in (
+        classical.fir(line, 140.0),
+        classical.fir(line, 140.0, cut_ends=True),
+        classical.butterworth(line, 140.0),
+    ):
         assert values.shape == line.t.shape
         assert np.std((values - truth.gravity)[truth.proper]) < 3.0
     with pytest.raises(ValueError, match="less than the filter's half length"):

@@ -53,9 +53,21 @@ def test_six_panels(theme):
 
 
 def test_gauss_markov(theme):
-    figure = figures.gauss_markov(T, np.exp(-T / 100), np.geomspace(1e3, 1e5, 50), np.geomspace(1, 1e4, 50), T, np.array([WAVE, -WAVE, 0 * WAVE]), 100.0)
+    figure = figures.gauss_markov(
+        T,
+        np.exp(-T / 100),
+        np.geomspace(1e3, 1e5, 50),
+        np.geomspace(1, 1e4, 50),
+        T,
+        np.array([WAVE, -WAVE, 0 * WAVE]),
+        100.0,
+    )
     assert_dressed(figure, theme)
-    assert labels(figure) == [("lag [s]", "correlation"), ("wavelength [km]", "density [mGal²/Hz]"), ("time [s]", "gravity [mGal]")]
+    assert labels(figure) == [
+        ("lag [s]", "correlation"),
+        ("wavelength [km]", "density [mGal²/Hz]"),
+        ("time [s]", "gravity [mGal]"),
+    ]
     assert figure.axes[1].xaxis_inverted() and len(figure.axes[2].get_lines()) == 3
 
 
@@ -68,7 +80,9 @@ def test_steady(theme):
 
 
 def test_table_one_shows_the_printed_means(theme):
-    figure = figures.table_one({"forward": np.array([1.1, 1.2]), "fb": np.array([0.9, 0.8])}, {"forward": 1.1273, "fb": 0.9073})
+    figure = figures.table_one(
+        {"forward": np.array([1.1, 1.2]), "fb": np.array([0.9, 0.8])}, {"forward": 1.1273, "fb": 0.9073}
+    )
     assert_dressed(figure, theme)
     axes = figure.axes[0]
     levels = {float(artist.get_ydata()[0]) for artist in axes.get_lines() if artist.get_linestyle() == "--"}
@@ -87,7 +101,9 @@ def test_starts_keep_their_colours(theme):
 
 
 def test_consistency(theme):
-    figure = figures.consistency(np.array([0.99, 1.01]), {"forward": np.array([0.5, 2]), "fb": np.array([0.6, 1.5])}, {"nis": (0.94, 1.06)})
+    figure = figures.consistency(
+        np.array([0.99, 1.01]), {"forward": np.array([0.5, 2]), "fb": np.array([0.6, 1.5])}, {"nis": (0.94, 1.06)}
+    )
     assert_dressed(figure, theme)
     assert labels(figure) == [("line", "mean NIS"), ("line", "mean NEES of gravity")]
 
@@ -131,7 +147,10 @@ def test_repeats(theme):
 
 def test_downward_and_timings(theme):
     for figure, expected in (
-        (figures.downward(np.geomspace(3, 60, 20), {"330 m": np.linspace(1, 2, 20)}), ("wavelength [km]", "factor of the noise")),
+        (
+            figures.downward(np.geomspace(3, 60, 20), {"330 m": np.linspace(1, 2, 20)}),
+            ("wavelength [km]", "factor of the noise"),
+        ),
         (figures.timings([2.0, 50.0], {"forward": [3.0, 3.0]}), ("rate of the filter [Hz]", "time per epoch [µs]")),
     ):
         assert_dressed(figure, theme)
@@ -149,7 +168,11 @@ def test_tracks(theme):
 
 def test_along_lines(theme):
     x = np.linspace(0, 1e4, 200)
-    figure = maps.along_lines([(x, x), (x, x + 1e3)], {"gravity": [x / 1e3] * 2, "difference": [np.sin(x)] * 2}, {"gravity": False, "difference": True})
+    figure = maps.along_lines(
+        [(x, x), (x, x + 1e3)],
+        {"gravity": [x / 1e3] * 2, "difference": [np.sin(x)] * 2},
+        {"gravity": False, "difference": True},
+    )
     assert_dressed(figure, theme)
     low, high = figure.axes[1].collections[0].get_clim()
     assert low == -high
@@ -158,7 +181,13 @@ def test_along_lines(theme):
 
 def test_grids(theme):
     k = np.arange(10.0)
-    figure = maps.grids(k, k, {"gravity": np.outer(k, k), "difference": np.outer(k - 4, k)}, {"gravity": False, "difference": True}, [(k, k)])
+    figure = maps.grids(
+        k,
+        k,
+        {"gravity": np.outer(k, k), "difference": np.outer(k - 4, k)},
+        {"gravity": False, "difference": True},
+        [(k, k)],
+    )
     assert_dressed(figure, theme)
     low, high = figure.axes[1].collections[0].get_clim()
     assert low == -high and figure.axes[0].get_ylabel() == "north [km]"
@@ -170,7 +199,10 @@ def test_drawings_name_every_block_and_step(theme):
     shown = {text.get_text() for text in figure.axes[0].texts}
     assert shown >= {part for parts in drawings.BLOCKS.values() for part in parts} | set(drawings.BLOCKS)
     figure = drawings.chain()
-    assert {text.get_text() for text in figure.axes[0].texts} >= {cell for row in drawings.STEPS for cell in row} | {"1", "5"}
+    assert {text.get_text() for text in figure.axes[0].texts} >= {cell for row in drawings.STEPS for cell in row} | {
+        "1",
+        "5",
+    }
 
 
 def test_every_figure_has_its_test():

@@ -1,4 +1,6 @@
-"""The joint field on a small simulated survey with a known field, the waves, and what it refuses; crossovers and levels."""
+"""The joint field on a small simulated survey with a known field, the waves, and what it refuses; crossovers and
+levels.
+"""
 
 import numpy as np
 import pytest
@@ -36,7 +38,9 @@ def toy():
 
 
 def toy_tuning():
-    return Tuning(sigma_mgal=0.0, q_f=1.0, R_m=0.005, sd_dv=3.0, sd_dh=0.02, sd_tau3=0.0, sd_k12=0.0, sd_k3=0.0, sd_bias=1.0)
+    return Tuning(
+        sigma_mgal=0.0, q_f=1.0, R_m=0.005, sd_dv=3.0, sd_dh=0.02, sd_tau3=0.0, sd_k12=0.0, sd_k3=0.0, sd_bias=1.0
+    )
 
 
 def test_a_known_field_is_found_within_its_sigma(toy):

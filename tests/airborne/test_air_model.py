@@ -49,7 +49,9 @@ def test_stationary_covariance_does_not_change_under_the_transition():
 def test_autocovariance_is_that_of_the_state_space_model():
     beta, t = 0.02, 35.0
     A = np.array([[0, 1, 0], [0, 0, 1], [-(beta**3), -3 * beta**2, -3 * beta]])
-    assert (expm(A * t) @ model.gravity_covariance(beta, 7.0))[0, 0] == pytest.approx(model.autocovariance(t, beta, 7.0), rel=1e-10)
+    assert (expm(A * t) @ model.gravity_covariance(beta, 7.0))[0, 0] == pytest.approx(
+        model.autocovariance(t, beta, 7.0), rel=1e-10
+    )
 
 
 def test_double_integral_is_exact_for_piecewise_linear_acceleration():
@@ -66,7 +68,16 @@ def test_step_integrals_of_the_derivative_use_differences_and_sum_over_fast_samp
     first, second = model.step_integrals(f, dt, every)
     k = 2  # the third step, from 1.0 to 1.5 s
     a, b = 1.0, 1.5
-    np.testing.assert_allclose(first[k], [np.sin(3 * b) - np.sin(3 * a), np.cos(a) - np.cos(b), np.sin(b) - np.sin(a), (np.cos(3 * a) - np.cos(3 * b)) / 3], atol=1e-4)
+    np.testing.assert_allclose(
+        first[k],
+        [
+            np.sin(3 * b) - np.sin(3 * a),
+            np.cos(a) - np.cos(b),
+            np.sin(b) - np.sin(a),
+            (np.cos(3 * a) - np.cos(3 * b)) / 3,
+        ],
+        atol=1e-4,
+    )
     assert second[k, 1] == pytest.approx(quad(lambda s: (b - s) * np.sin(s), a, b)[0], abs=1e-5)
     assert second[k, 0] == pytest.approx(quad(lambda s: (b - s) * 3 * np.cos(3 * s), a, b)[0], abs=1e-4)
 

@@ -11,7 +11,9 @@ from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
 from geokalman.files import data_path
 
-HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(",")
+HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
+    ","
+)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,14 @@ def write_csv(path, table, header=HEADER, opener=open):
 def test_the_vendored_survey(whole, kauring):
     assert len(whole["LINE"]) == 135_250 and len(np.unique(whole["LINE"])) == 224
     assert len(kauring.flights) == 224 and kauring.refused == ()
-    assert [len(kauring[n].line.t) for n in (104000, 104100, 104200, 104300, 104400, 104500)] == [888, 893, 913, 892, 840, 835]
+    assert [len(kauring[n].line.t) for n in (104000, 104100, 104200, 104300, 104400, 104500)] == [
+        888,
+        893,
+        913,
+        892,
+        840,
+        835,
+    ]
     assert all(43 < f.line.V < 52 for f in kauring.select([104000, 104500]))
     assert data_path("kauring_2012.xz").stat().st_size < 5e6
 
@@ -65,7 +74,9 @@ def test_packing_is_without_loss(table, tmp_path):
 
 
 def test_eastern_victoria_and_its_aliasing():
-    with pytest.warns(checks.SuspiciousData, match="On 10 of 10 lines .* probably aliased, so give the height a larger R"):
+    with pytest.warns(
+        checks.SuspiciousData, match="On 10 of 10 lines .* probably aliased, so give the height a larger R"
+    ):
         eastvic = read.load("eastvic")
     assert len(eastvic.flights) == 10 and eastvic.flights[4].name == "7001.20"
     follows = [checks.height_correlation(f.line.f3, f.height) for f in eastvic.flights]
@@ -78,9 +89,18 @@ def test_kauring_is_not_aliased(six):
 
 
 def fixed_width(tmp_path, rows, definition=None):
-    fields = [("EASTING", "F15.2"), ("NORTHING", "F15.2"), ("LINE", "I8"), ("UTCSECOND", "F12.2"), ("LATITUDE", "F15.7"), ("LONGITUD", "F15.7")]
+    fields = [
+        ("EASTING", "F15.2"),
+        ("NORTHING", "F15.2"),
+        ("LINE", "I8"),
+        ("UTCSECOND", "F12.2"),
+        ("LATITUDE", "F15.7"),
+        ("LONGITUD", "F15.7"),
+    ]
     text = "".join(f"DEFN {k} ST=RECD,RT=DATA; {name}:  {form}:  UNIT=m\n" for k, (name, form) in enumerate(fields, 1))
-    (tmp_path / "X.DFN").write_text(definition or text + "DEFN 7  ST=RECD,RT=DATA; END DEFN\nDEFN 1 ST=RECD,RT=PROJ; RT: A4\n")
+    (tmp_path / "X.DFN").write_text(
+        definition or text + "DEFN 7  ST=RECD,RT=DATA; END DEFN\nDEFN 1 ST=RECD,RT=PROJ; RT: A4\n"
+    )
     (tmp_path / "X.DAT").write_text("\n".join(rows) + "\n")
     return tmp_path / "X.DAT"
 
@@ -159,9 +179,15 @@ def test_a_file_of_unknown_layout_names_what_it_lacks(table, tmp_path):
 
 def test_ones_own_layout(table, kauring):
     own = read.Layout(
-        columns={**KAURING.columns, "f3": "UPFORCE"}, corrections=KAURING.corrections, kinds=KAURING.kinds, acceleration="m/s2"
+        columns={**KAURING.columns, "f3": "UPFORCE"},
+        corrections=KAURING.corrections,
+        kinds=KAURING.kinds,
+        acceleration="m/s2",
     )
-    moved = {"UPFORCE" if k == "FZ" else k: v * 1e-5 if k in ("FZ", "AZ", "GRVRAW", "LATCOR", "EOTCOR", "FACOR") else v for k, v in table.items()}
+    moved = {
+        "UPFORCE" if k == "FZ" else k: v * 1e-5 if k in ("FZ", "AZ", "GRVRAW", "LATCOR", "EOTCOR", "FACOR") else v
+        for k, v in table.items()
+    }
     np.testing.assert_allclose(survey(moved, own)[104000].line.z, kauring[104000].line.z, atol=1e-3)
 
 
@@ -183,7 +209,12 @@ def test_swap_below_ninety_degrees_is_seen_in_the_motion(table):
 
 
 def test_the_contractors_definition_has_them_swapped(table):
-    renamed = {"UTCSECOND": table["UTC"], "LATITUDE": table["LON"], "LONGITUD": table["LAT"], "GRVFRAL100S": table["FRAL100"]}
+    renamed = {
+        "UTCSECOND": table["UTC"],
+        "LATITUDE": table["LON"],
+        "LONGITUD": table["LAT"],
+        "GRVFRAL100S": table["FRAL100"],
+    }
     with pytest.warns(checks.SuspiciousData, match="swapped"):
         flight = survey({**table, **renamed}, KAURING_DAT)[104000]
     assert -32.2 < flight.lat[0] < -31.8
@@ -234,7 +265,9 @@ def test_a_step_that_varies(table):
 
 
 def test_a_reversed_line_is_turned(table, kauring):
-    np.testing.assert_array_equal(survey(cut(table, slice(None, None, -1)), KAURING)[104000].line.z, kauring[104000].line.z)
+    np.testing.assert_array_equal(
+        survey(cut(table, slice(None, None, -1)), KAURING)[104000].line.z, kauring[104000].line.z
+    )
 
 
 @pytest.mark.parametrize("leap", [18.0, -16.0])
@@ -255,7 +288,9 @@ def test_units_of_acceleration(table, factor, unit):
 @pytest.mark.parametrize("column", ["LATCOR", "EOTCOR", "FACOR"])
 def test_sign_of_the_corrections(table, column):
     table[column] = -table[column]
-    with pytest.raises(ValueError, match=rf"{column} adds .* where the positions ask for .*; its sign is the other one"):
+    with pytest.raises(
+        ValueError, match=rf"{column} adds .* where the positions ask for .*; its sign is the other one"
+    ):
         survey(table, KAURING)
 
 
@@ -285,7 +320,9 @@ def test_height_in_feet(table):
 
 def test_height_above_the_geoid(table):
     table["GPSZ"] += 27.0
-    with pytest.raises(ValueError, match=r"belongs to a height -27.0 m from the one given; the height must be above the ellipsoid"):
+    with pytest.raises(
+        ValueError, match=r"belongs to a height -27.0 m from the one given; the height must be above the ellipsoid"
+    ):
         survey(table, KAURING)
 
 

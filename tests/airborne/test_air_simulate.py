@@ -31,7 +31,9 @@ def test_six_lines_as_asked(two_seeds):
     north = [np.sign(truth.north[-1] - truth.north[0]) for truth, _ in flown]
     assert north == [1, -1, 1, -1, 1, -1]
     assert np.mean([truth.height[truth.proper].mean() for truth, _ in flown]) == pytest.approx(1500, abs=5)
-    assert np.mean([np.abs(np.diff(truth.north[truth.proper])).mean() / 0.5 for truth, _ in flown]) == pytest.approx(65, abs=0.5)
+    assert np.mean([np.abs(np.diff(truth.north[truth.proper])).mean() / 0.5 for truth, _ in flown]) == pytest.approx(
+        65, abs=0.5
+    )
     assert np.all(np.diff([truth.east.mean() for truth, _ in flown]) > 1900)
 
 
@@ -50,7 +52,16 @@ def test_the_field_has_the_asked_rms():
 
 def test_z_without_errors_is_doubly_integrated_gravity():
     quiet = simulate.Scenario(
-        n_lines=1, length_km=20.0, white=0.0, drift=0.0, k3=0.0, k12=0.0, tau3=0.0, gnss_white=0.0, gnss_colour=0.0, gnss_velocity=0.0
+        n_lines=1,
+        length_km=20.0,
+        white=0.0,
+        drift=0.0,
+        k3=0.0,
+        k12=0.0,
+        tau3=0.0,
+        gnss_white=0.0,
+        gnss_colour=0.0,
+        gnss_velocity=0.0,
     )
     truth, line = simulate.survey_of_seed(quiet, 2)[0]
     from scipy.interpolate import CubicSpline
@@ -84,11 +95,15 @@ def test_matched_world_is_consistent():
 
 def test_a_lag_is_found():
     run = trial.simulated(simulate.Scenario(n_lines=1, length_km=30.0, tau3=0.020), Tuning.preset("paper_like"), 0)[0]
-    assert run.estimated["tau3"] == pytest.approx(-0.020, abs=1e-3) or run.estimated["tau3"] == pytest.approx(0.020, abs=1e-3)
+    assert run.estimated["tau3"] == pytest.approx(-0.020, abs=1e-3) or run.estimated["tau3"] == pytest.approx(
+        0.020, abs=1e-3
+    )
 
 
 def test_decimating_before_integrating_destroys_everything():
-    run = trial.simulated(simulate.Scenario(n_lines=1, length_km=20.0, integrate_at=2.0), Tuning.preset("paper_like"), 0)[0]
+    run = trial.simulated(
+        simulate.Scenario(n_lines=1, length_km=20.0, integrate_at=2.0), Tuning.preset("paper_like"), 0
+    )[0]
     assert run.against_truth("fb") > 100.0
 
 
@@ -98,7 +113,9 @@ def test_levelling_removes_the_level_of_lines():
 
 
 def test_throughput_reports_and_the_smoothers_agree():
-    one = experiments.throughput(simulate.Scenario(length_km=17.0, lead_s=0.0, rate=10.0), Tuning.preset("paper_like"), 0)
+    one = experiments.throughput(
+        simulate.Scenario(length_km=17.0, lead_s=0.0, rate=10.0), Tuning.preset("paper_like"), 0
+    )
     assert one.epochs == 2616 and one.difference < 1e-4 and min(one.forward, one.rts, one.two_filter) > 0
 
 

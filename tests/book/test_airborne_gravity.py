@@ -1,4 +1,6 @@
-"""The notebooks of the airborne paper at quick scale, held against the specification's anchors; foreign files; its ledger."""
+"""The notebooks of the airborne paper at quick scale, held against the specification's anchors; foreign files; its
+ledger.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ ROOT = project_root(Path(__file__).parent)
 QUICK = tuple(sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")))
 ANCHORED = tuple(name for name in QUICK if name not in ("11-throughput", "12-joint"))
 DRAWINGS = ("a01-system", "a01-chain")
-HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(",")
+HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
+    ","
+)
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands of epochs take hours in plain Python")
 
 
@@ -50,7 +54,9 @@ def test_anchors_of_the_specification(run, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook but the timing and the joint one has a quick anchor"
     metrics = reference.read_run(run(name))[1]
-    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -58,7 +64,11 @@ def test_anchors_of_the_specification(run, name):
 def test_stored_reference(run, name):
     if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
         pytest.skip(f"no reference of {name} at quick scale is stored yet; make one with: make reference")
-    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(name), "quick") if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -82,7 +92,9 @@ def test_the_joint_quick_run_beats_the_line_product_with_a_coarse_field(run):
 def test_a_file_of_ones_own_gives_the_same_numbers(run, tmp_path):
     table = tables.read_table(data_path("kauring_2012.xz"))
     rows = np.isin(table["LINE"], [104000, 104100])
-    lines = [",".join(HEADER)] + [",".join(f"{v:.7f}" for v in row) for row in zip(*(table[n][rows] for n in HEADER), strict=True)]
+    lines = [",".join(HEADER)] + [
+        ",".join(f"{v:.7f}" for v in row) for row in zip(*(table[n][rows] for n in HEADER), strict=True)
+    ]
     (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
     given = {"data": str(tmp_path / "own.csv"), "lines": [104100]}
     execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)

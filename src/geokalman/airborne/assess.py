@@ -42,7 +42,9 @@ class Paired(NamedTuple):
 
 
 def paired(ours: Sequence[float], theirs: Sequence[float], block: int = 6) -> Paired:
-    """Mean of ours - theirs over lines with standard errors; neighbouring lines go in blocks, since they share errors."""
+    """Mean of ours - theirs over lines with standard errors; neighbouring lines go in blocks, since they share
+    errors.
+    """
     d = np.asarray(ours, float) - np.asarray(theirs, float)
     n = len(d)
     blocks = [part.mean() for part in np.array_split(d, max(1, n // block))]

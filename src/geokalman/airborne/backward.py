@@ -1,4 +1,5 @@
-"""The backward pass in covariance form as the paper prints it, equations (4) to (6), with the starts one may read into it.
+"""The backward pass in covariance form as the paper prints it, equations (4) to (6), with the starts one may read
+into it.
 
 Kept apart from `estimate`, whose information form needs none of this: here the start decides the result.
 """

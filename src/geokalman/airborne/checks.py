@@ -175,7 +175,10 @@ def _signs(name: str, c: Table, layout: Layout) -> None:
                 continue
             if ratio < 0:
                 raise ValueError(_wrong_sign(name, column, given, expected))
-            for what, factor in (("the height is probably in feet", 0.3048), ("the correction is probably for a height in feet", 1 / 0.3048)):
+            for what, factor in (
+                ("the height is probably in feet", 0.3048),
+                ("the correction is probably for a height in feet", 1 / 0.3048),
+            ):
                 if abs(ratio - factor) < 0.02 * factor:
                     raise ValueError(f"Line {name}: {column} is {ratio:.3f} times what the height asks for; {what}.")
             raise ValueError(
@@ -189,9 +192,7 @@ def _signs(name: str, c: Table, layout: Layout) -> None:
 def _wrong_sign(name: str, column: str, given: np.ndarray, expected: np.ndarray) -> str:
     opposite = abs(np.mean(given + expected)) < abs(np.mean(given - expected))
     advice = "its sign is the other one" if opposite else "check its column and unit"
-    return (
-        f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for {np.mean(expected):.2f}; {advice}."
-    )
+    return f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for {np.mean(expected):.2f}; {advice}."
 
 
 def _smooth(x: np.ndarray) -> np.ndarray:

@@ -29,7 +29,8 @@ def fir_taps(cutoff_s: float, dt: float) -> Array:
 def fir(line: Line, cutoff_s: float, cut_ends: bool = False) -> Array:
     """Apparent gravity behind the FIR low-pass with even extension (n,) [mGal].
 
-    cut_ends : extend the second difference itself, not the series with its ends repeated; where the filter reaches beyond
+    cut_ends : extend the second difference itself, not the series with its ends repeated; where the filter reaches
+    beyond
     the flight, those two samples out of thousands decide, since one of them is as large as the turbulence.
     Raises ValueError for a line too short.
     """

@@ -1,4 +1,6 @@
-"""What is taken from a vertical accelerometer before gravity is left: normal gravity, its change with height, Eotvos."""
+"""What is taken from a vertical accelerometer before gravity is left: normal gravity, its change with height,
+Eotvos.
+"""
 
 from __future__ import annotations
 

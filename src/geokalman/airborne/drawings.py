@@ -10,7 +10,12 @@ from matplotlib.patches import FancyBboxPatch
 from geokalman.style import METHODS, ink, paper
 
 BLOCKS = {
-    "in the aircraft": ("strapdown gravimeter", "rover GPS and antenna", "display, control, recording", "power management"),
+    "in the aircraft": (
+        "strapdown gravimeter",
+        "rover GPS and antenna",
+        "display, control, recording",
+        "power management",
+    ),
     "on the ground": ("base GPS antenna", "base GPS receiver"),
     "afterwards": ("workstation with the\nprocessing software",),
 }
@@ -48,7 +53,12 @@ def chain() -> Figure:
         for j, text in enumerate(row):
             _box(axes, 0.5 + 3.3 * j, y, 2.8, 0.8, text, colour)
             if j < 2:
-                axes.annotate("", (0.5 + 3.3 * (j + 1), y + 0.4), (3.3 + 3.3 * j, y + 0.4), arrowprops={"arrowstyle": "->", "color": ink()})
+                axes.annotate(
+                    "",
+                    (0.5 + 3.3 * (j + 1), y + 0.4),
+                    (3.3 + 3.3 * j, y + 0.4),
+                    arrowprops={"arrowstyle": "->", "color": ink()},
+                )
         axes.text(0.12, y + 0.4, str(k + 1), va="center", weight="bold")
     for start, end, bend in ((0, 1, 0), (1, 3, -0.3), (2, 3, -0.12), (3, 4, 0)):
         axes.annotate(
@@ -60,9 +70,19 @@ def chain() -> Figure:
     return _bare(figure, axes, (0, 10.6), (0.2, 6.0))
 
 
-def _box(axes: Axes, x: float, y: float, width: float, height: float, text: str, colour: str, face: float = 1.0) -> None:
+def _box(
+    axes: Axes, x: float, y: float, width: float, height: float, text: str, colour: str, face: float = 1.0
+) -> None:
     axes.add_patch(
-        FancyBboxPatch((x, y), width, height, boxstyle="round,pad=0.04", edgecolor=colour, facecolor=paper() if face else "none", linewidth=1.2)
+        FancyBboxPatch(
+            (x, y),
+            width,
+            height,
+            boxstyle="round,pad=0.04",
+            edgecolor=colour,
+            facecolor=paper() if face else "none",
+            linewidth=1.2,
+        )
     )
     axes.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=8.5)
 

@@ -64,7 +64,9 @@ class Estimate:
 
 
 def run_filter(line: Line, model: Model) -> Trajectory:
-    """The standard Kalman filter forward over a line, equations (1) to (3). Raises NotPositiveDefinite with the epoch."""
+    """The standard Kalman filter forward over a line, equations (1) to (3). Raises NotPositiveDefinite with the
+    epoch.
+    """
     return filter_linear(model.prior, line.t, line.z[:, None], model.H, model.R, (model.Phi, model.Q))
 
 

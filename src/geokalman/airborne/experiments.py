@@ -14,14 +14,23 @@ from geokalman.airborne.model import Tuning, build
 
 @dataclass(frozen=True)
 class Levelled:
-    """Root mean square error over a survey [mGal], about the survey's mean: before, after, and with every line's own mean out."""
+    """Root mean square error over a survey [mGal], about the survey's mean: before, after, and with every line's own
+    mean out.
+    """
 
     before: float
     after: float
     floor: float
 
 
-def levelling(scenario: simulate.Scenario, tuning: Tuning, seed: int, ties: int = 3, tie_bias: float = 2.0, tie_noise: float = 0.25) -> Levelled:
+def levelling(
+    scenario: simulate.Scenario,
+    tuning: Tuning,
+    seed: int,
+    ties: int = 3,
+    tie_bias: float = 2.0,
+    tie_noise: float = 0.25,
+) -> Levelled:
     """Level a simulated survey by tie lines; a tie is truth with one bias and white noise [mGal], it is not filtered.
 
     Ties cross all lines at equal distances along them.
@@ -69,16 +78,27 @@ class Tuned:
 
 
 def likelihood_tuning(
-    scenario: simulate.Scenario, tuning: Tuning, seed: int, colour: tuple[float, float] | None = None, evaluations: int = 90
+    scenario: simulate.Scenario,
+    tuning: Tuning,
+    seed: int,
+    colour: tuple[float, float] | None = None,
+    evaluations: int = 90,
 ) -> Tuned:
-    """Tune on lines 1 and 2 of a simulated survey, judge on the others; colour : white and coloured height error [m]."""
+    """Tune on lines 1 and 2 of a simulated survey, judge on the others; colour : white and coloured height error
+    [m].
+    """
     start = tuning.coloured(*colour, scenario.gnss_s) if colour else tuning
     flown = simulate.survey(scenario, np.random.default_rng(seed))
     found = tune.fit([line for _, line in flown[:2]], start, evaluations=evaluations)
     errors = []
     for choice in (start, found.tuning):
         errors.append(
-            np.mean([(estimate(line, choice).smoothed.gravity - truth.gravity)[truth.proper].std() for truth, line in flown[2:]])
+            np.mean(
+                [
+                    (estimate(line, choice).smoothed.gravity - truth.gravity)[truth.proper].std()
+                    for truth, line in flown[2:]
+                ]
+            )
         )
     best = found.tuning
     return Tuned(float(errors[0]), float(errors[1]), best.L_km, best.sigma_mgal, best.q_f, best.R_m, found.evaluations)

@@ -1,4 +1,5 @@
-"""Figures of the airborne part: curves along lines, spectra, gains, errors. Maps and drawings are in `maps` and `drawings`.
+"""Figures of the airborne part: curves along lines, spectra, gains, errors. Maps and drawings are in `maps` and
+`drawings`.
 
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
@@ -36,7 +37,12 @@ def six_panels(panels: Sequence[Panel], labels: Mapping[str, str], xlabel: str =
         if panel.sigma is not None:
             centre = panel.curves["fb"]
             axis.fill_between(
-                panel.x, centre - 2 * panel.sigma, centre + 2 * panel.sigma, color=METHODS["fb"].colour, alpha=0.25, linewidth=0
+                panel.x,
+                centre - 2 * panel.sigma,
+                centre + 2 * panel.sigma,
+                color=METHODS["fb"].colour,
+                alpha=0.25,
+                linewidth=0,
             )
         for name, values in panel.curves.items():
             axis.plot(panel.x, values, label=labels[name], **_line(name))
@@ -50,7 +56,9 @@ def six_panels(panels: Sequence[Panel], labels: Mapping[str, str], xlabel: str =
     return figure
 
 
-def gauss_markov(lag: Array, covariance: Array, wavelength: Array, density: Array, t: Array, paths: Array, unit_lag: float) -> Figure:
+def gauss_markov(
+    lag: Array, covariance: Array, wavelength: Array, density: Array, t: Array, paths: Array, unit_lag: float
+) -> Figure:
     """Third-order Gauss-Markov gravity: autocovariance, power density, sample paths; unit_lag is L/V [s]."""
     figure = plt.figure(figsize=(7.2, 5.2))
     grid = figure.add_gridspec(2, 2)
@@ -70,7 +78,9 @@ def gauss_markov(lag: Array, covariance: Array, wavelength: Array, density: Arra
 
 
 def steady(t: Array, forward: Array, smoother: Array, printed: tuple[float, float] | None = None) -> Figure:
-    """Standard deviation of gravity [mGal] along a line: the filter settles, the smoother is better between the ends."""
+    """Standard deviation of gravity [mGal] along a line: the filter settles, the smoother is better between the
+    ends.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     axes.plot(t, forward, label="forward filter", **_line("forward"))
     axes.plot(t, smoother, label="smoother", **_line("fb"))
@@ -86,10 +96,19 @@ def table_one(means: Mapping[str, Array], printed: Mapping[str, float]) -> Figur
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values in means.items():
         style = METHODS[name]
-        axes.plot(np.arange(len(values)), values, color=style.colour, marker=style.marker, linestyle="", label=style.label)
+        axes.plot(
+            np.arange(len(values)), values, color=style.colour, marker=style.marker, linestyle="", label=style.label
+        )
         axes.axhline(values.mean(), color=style.colour, linewidth=1)
         axes.axhline(printed[name], color=style.colour, linewidth=1.2, linestyle="--")
-        axes.annotate(f"printed {printed[name]}", (0.995, printed[name]), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
+        axes.annotate(
+            f"printed {printed[name]}",
+            (0.995, printed[name]),
+            xycoords=("axes fraction", "data"),
+            ha="right",
+            va="bottom",
+            fontsize=8,
+        )
     axes.set(xlabel="run (seed)", ylabel="mean of six RMS [mGal]", ylim=(0, None))
     axes.set_xticks(np.arange(len(next(iter(means.values())))))
     axes.legend(loc="lower left")
@@ -97,7 +116,9 @@ def table_one(means: Mapping[str, Array], printed: Mapping[str, float]) -> Figur
 
 
 def starts(t: Array, errors: Mapping[str, Array], ratios: Mapping[str, Array]) -> Figure:
-    """What the start of the backward pass does: difference to RTS [mGal] (log scale), and reported over true standard deviation."""
+    """What the start of the backward pass does: difference to RTS [mGal] (log scale), and reported over true standard
+    deviation.
+    """
     figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7.2, 5.4))
     looks = dict(zip(errors, _looks(), strict=False))
     for name, values in errors.items():
@@ -127,8 +148,12 @@ def consistency(nis: Array, nees: Mapping[str, Array], bounds: Mapping[str, tupl
     return figure
 
 
-def gains(wavelength: Mapping[str, Array], curves: Mapping[str, Mapping[str, Array]], delay: tuple[Array, Array]) -> Figure:
-    """Gain of smoothers and low-pass filters against wavelength [m], one panel a set; last the forward filter's delay [s]."""
+def gains(
+    wavelength: Mapping[str, Array], curves: Mapping[str, Mapping[str, Array]], delay: tuple[Array, Array]
+) -> Figure:
+    """Gain of smoothers and low-pass filters against wavelength [m], one panel a set; last the forward filter's delay
+    [s].
+    """
     figure, axes = plt.subplots(1, len(curves) + 1, figsize=(7.2, 3.4))
     looks = _looks()
     for axis, (title, group) in zip(axes, curves.items(), strict=False):
@@ -166,13 +191,23 @@ def spectra(frequency: Array, densities: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def per_line(names: Sequence[str], values: Mapping[str, Array], ylabel: str = "sd against ground gravity [mGal]") -> Figure:
+def per_line(
+    names: Sequence[str], values: Mapping[str, Array], ylabel: str = "sd against ground gravity [mGal]"
+) -> Figure:
     """One number a line for several methods."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     x = np.arange(len(names))
     for name, v in values.items():
         style = METHODS[name]
-        axes.plot(x, v, color=style.colour, marker=style.marker, linestyle="-", linewidth=0.6, label=f"{style.label}, mean {np.mean(v):.3f}")
+        axes.plot(
+            x,
+            v,
+            color=style.colour,
+            marker=style.marker,
+            linestyle="-",
+            linewidth=0.6,
+            label=f"{style.label}, mean {np.mean(v):.3f}",
+        )
     every = max(1, len(names) // 10)
     axes.set_xticks(x[::every], list(names)[::every], rotation=45, ha="right")
     axes.set(xlabel="line", ylabel=ylabel, ylim=(0, None))

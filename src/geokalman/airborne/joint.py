@@ -1,6 +1,7 @@
 """One field for a whole survey: a two-dimensional estimate from all lines at once.
 
-Gravity is a sum of plane waves on a periodic box; along each line it is a spline, doubly integrated. A Kalman filter without
+Gravity is a sum of plane waves on a periodic box; along each line it is a spline, doubly integrated. A Kalman filter
+without
 gravity states (dv, dh, tau3, k1 to k3, a bias) whitens these columns and z; its whitened rows are ordinary observation
 equations, to which the prior of the waves is added before one solve.
 """
@@ -21,9 +22,11 @@ from geokalman.leastsquares import NormalEquations, Solution
 
 @dataclass(frozen=True)
 class Waves:
-    """Plane waves |n| <= n_max on a periodic box, their upward continuation and the prior variances of their amplitudes.
+    """Plane waves |n| <= n_max on a periodic box, their upward continuation and the prior variances of their
+    amplitudes.
 
-    Variance of a wave of wave number k: sigma^2 s_1 exp(-2 k depth) / (k^2 + k_0^2)^power + fine^2 s_2 exp(-2 k fine_depth),
+    Variance of a wave of wave number k: sigma^2 s_1 exp(-2 k depth) / (k^2 + k_0^2)^power + fine^2 s_2 exp(-2 k
+    fine_depth),
     k_0 = 2 pi / box, s_1 and s_2 such that the variances add up to sigma^2 and fine^2.
     box, depth, fine_depth, height : [m]; sigma, fine : [mGal]; height is where the amplitudes are given.
     """
@@ -65,7 +68,9 @@ class Waves:
 
     def rows(self, east: Array, north: Array, height: Array) -> Array:
         """Values (n, count) of all waves at places [m]."""
-        phases = [np.exp(2j * np.pi / self.box * x[:, None] * np.arange(-self.n_max, self.n_max + 1)) for x in (east, north)]
+        phases = [
+            np.exp(2j * np.pi / self.box * x[:, None] * np.arange(-self.n_max, self.n_max + 1)) for x in (east, north)
+        ]
         wave = phases[0][:, self.numbers[:, 0] + self.n_max] * phases[1][:, self.numbers[:, 1] + self.n_max]
         wave *= np.exp(-self.k * (np.asarray(height) - self.height)[:, None])
         constant = int(np.flatnonzero(self.k == 0)[0])
@@ -77,7 +82,9 @@ class Waves:
 
 @dataclass(frozen=True)
 class Spline:
-    """Cubic spline of a line with knots about 5 s apart: at : (m,) knots [s]; values : (n, m) at the epochs, `integrated` twice."""
+    """Cubic spline of a line with knots about 5 s apart: at : (m,) knots [s]; values : (n, m) at the epochs,
+    `integrated` twice.
+    """
 
     at: Array
     values: Array
@@ -93,7 +100,9 @@ class Spline:
 
 @dataclass(frozen=True)
 class LineRows:
-    """Whitened observation equations of one line, compressed to a triangle: rows (m, count) of the waves and rhs (m,)."""
+    """Whitened observation equations of one line, compressed to a triangle: rows (m, count) of the waves and rhs
+    (m,).
+    """
 
     name: str
     rows: Array
@@ -127,7 +136,9 @@ class JointField:
         return np.sqrt(np.einsum("kn,nk->k", rows, self.solution.solve(np.ascontiguousarray(rows.T))))
 
 
-def line_rows(flight: Flight, tuning: Tuning, waves: Waves, origin: tuple[float, float], lag: float, knots_s: float) -> LineRows:
+def line_rows(
+    flight: Flight, tuning: Tuning, waves: Waves, origin: tuple[float, float], lag: float, knots_s: float
+) -> LineRows:
     """Observation equations of one line: whitened by the filter without gravity, then reduced by a QR factorisation."""
     line = flight.line.lagged(lag)
     if tuning.sigma_mgal:
@@ -138,7 +149,10 @@ def line_rows(flight: Flight, tuning: Tuning, waves: Waves, origin: tuple[float,
     white = whiten_columns(model.prior.cov, line.t, model.H, model.R, (model.Phi, model.Q), columns)
     triangle = np.linalg.qr(white, mode="r")
     m = len(spline.at)
-    place = (np.interp(spline.at, line.t, x) for x in (flight.easting - origin[0], flight.northing - origin[1], flight.height))
+    place = (
+        np.interp(spline.at, line.t, x)
+        for x in (flight.easting - origin[0], flight.northing - origin[1], flight.height)
+    )
     at_knots = waves.rows(*place)
     return LineRows(flight.name, triangle[:m, :m] @ at_knots, triangle[:m, m], at_knots, spline.values)
 

@@ -50,7 +50,10 @@ def crossovers(lines: Mapping[str, Array], ties: Mapping[str, Array], margin_m: 
             if hit is None:
                 continue
             across = _along(other)
-            here, there = np.interp(hit[0], np.arange(len(along)), along), np.interp(hit[1], np.arange(len(across)), across)
+            here, there = (
+                np.interp(hit[0], np.arange(len(along)), along),
+                np.interp(hit[1], np.arange(len(across)), across),
+            )
             if min(here, along[-1] - here, there, across[-1] - there) >= margin_m:
                 out.append(Crossover(name, tie, *hit))
     return out
@@ -110,7 +113,9 @@ def repeat_values(axis: Array, along: Sequence[Array], values: Sequence[Array]) 
 
 
 def repeatability(passes: Array) -> float:
-    """Standard deviation of a pass about the mean of all of them, (passes, points): sqrt of the mean variance, n - 1."""
+    """Standard deviation of a pass about the mean of all of them, (passes, points): sqrt of the mean variance, n -
+    1.
+    """
     return float(np.sqrt(np.mean(passes.var(axis=0, ddof=1))))
 
 

@@ -1,7 +1,8 @@
 """The vertical channel of a strapdown gravimeter with Gauss-Markov gravity: states, tuning, transition, observation.
 
 Source throughout: Xiong, Guo, Li, Luo & Li (2017), equations (7) to (15), as rebuilt in the book. Accelerations are in
-mGal, velocities in mGal s, heights in mGal s^2; the matrices are in units of the initial standard deviations of the states.
+mGal, velocities in mGal s, heights in mGal s^2; the matrices are in units of the initial standard deviations of the
+states.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ Array = NDArray[np.float64]
 METRE = 1e5
 """One metre in mGal s^2, one m/s in mGal s."""
 STATES = ("dv", "dh", "tau3", "k1", "k2", "k3", "bias", "dg", "dg1", "dg2", "colour")
-"""Names of all states; those without prior variance are left out of a model. (15) has the first six and the gravity three."""
+"""Names of all states; those without prior variance are left out of a model. (15) has the first six and the gravity
+three.
+"""
 DV, DH, TAU3, K1, K2, K3, BIAS, DG, DG1, DG2, COLOUR = range(11)
 CORRELATION = 2.903
 """beta L / V of the third-order Gauss-Markov model: its correlation falls to 1/e (0.3682) at the length L."""
@@ -33,7 +36,8 @@ SHORTEST = 240.0
 class Tuning:
     """Everything that the filter assumes; none of it is printed in the paper.
 
-    L_km : correlation length of gravity [km]; sigma_mgal : its standard deviation [mGal], 0 for a filter without gravity;
+    L_km : correlation length of gravity [km]; sigma_mgal : its standard deviation [mGal], 0 for a filter without
+    gravity;
     q_f : root power density of the gravimeter's noise [mGal/sqrt(Hz)]; R_m : standard deviation of the height [m];
     sd_* : prior standard deviations of dv [m/s], dh [m], tau3 [s], k1 and k2 [rad], k3 [-], bias [mGal];
     colour_m, colour_s : standard deviation [m] and time constant [s] of a coloured error of the height, 0 m for none;
@@ -67,7 +71,9 @@ class Tuning:
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Tuning:
-        """The tuning that belongs to a preset: paper_like, rough, matched (simulated), kauring, eastvic (real), joint."""
+        """The tuning that belongs to a preset: paper_like, rough, matched (simulated), kauring, eastvic (real),
+        joint.
+        """
         if name not in TUNINGS:
             raise ValueError(f"preset {name!r} is unknown; the presets are {', '.join(TUNINGS)}.")
         return replace(TUNINGS[name], **changes)
@@ -99,7 +105,8 @@ class Line:
     """One flight line as a filter is given it: no truth, no reference, one constant step, no gap.
 
     name : of the line; t : (n,) [s]; z : (n,) dh' of (12) [mGal s^2]; f3 : (n,) vertical specific force f3' [mGal];
-    first, second : (n - 1, 4) single and double integrals over each step of (df3'/dt, f1', f2', f3') [mGal s, mGal s^2];
+    first, second : (n - 1, 4) single and double integrals over each step of (df3'/dt, f1', f2', f3') [mGal s, mGal
+    s^2];
     V : mean speed [m/s].
     """
 
@@ -166,7 +173,8 @@ def double_integral(a: ArrayLike, dt: float, v0: float = 0.0) -> tuple[Array, Ar
 def step_integrals(f: Array, dt: float, every: int = 1) -> tuple[Array, Array]:
     """Integrals over the steps of a filter of (df3'/dt, f1', f2', f3'), from samples at the rate of the sensor.
 
-    f : (n, 3) f1', f2', f3' [mGal] every dt [s]; every : samples per step of the filter. Returns `first`, `second` of a Line.
+    f : (n, 3) f1', f2', f3' [mGal] every dt [s]; every : samples per step of the filter. Returns `first`, `second` of
+    a Line.
     That of df3'/dt is f3'(t_k) - f3'(t_(k-1)): a numerical derivative would be useless where the motion reaches 1 Hz.
     """
     v, h = double_integral(f, dt)
@@ -202,7 +210,9 @@ def power_density(omega: ArrayLike, beta: float, sigma: float) -> Array:
 
 
 def block(dt: float, beta: float, sigma: float, q_f: float) -> tuple[Array, Array]:
-    """Transition and process noise (5, 5) of the constant block [dv, dh, dg, dg', dg''] over a step, by van Loan's method."""
+    """Transition and process noise (5, 5) of the constant block [dv, dh, dg, dg', dg''] over a step, by van Loan's
+    method.
+    """
     F = np.zeros((5, 5))
     F[0, 2] = F[1, 0] = F[2, 3] = F[3, 4] = 1.0
     F[4, 2:] = -(beta**3), -3 * beta**2, -3 * beta

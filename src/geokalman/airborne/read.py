@@ -25,7 +25,8 @@ SURVEYS = {"kauring": "kauring_2012.xz", "eastvic": "eastvic_repeats.xyz.xz"}
 class Layout:
     """Which columns of a file hold what, and how.
 
-    columns : our name -> the file's. Needed are line, t [s], lat and lon [degrees], easting, northing [m], height [m] and
+    columns : our name -> the file's. Needed are line, t [s], lat and lon [degrees], easting, northing [m], height [m]
+    and
         f3 (vertical specific force); a_up (vertical kinematic acceleration by GNSS) where there is one, else the
         height is differenced against the integral; raw (= f3 - a_up); f1, f2 (horizontal specific forces), else from
         the second differences of easting and northing.

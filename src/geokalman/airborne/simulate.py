@@ -1,6 +1,7 @@
 """A simulated survey: parallel lines in one random field, a strapdown gravimeter at its own rate, GNSS at 2 Hz.
 
-Nothing is drawn from the filter's own model unless `truth` is "gm3". Motion is built from spectra, so that acceleration is
+Nothing is drawn from the filter's own model unless `truth` is "gm3". Motion is built from spectra, so that
+acceleration is
 the exact second derivative of the height and neither drifts.
 """
 
@@ -34,7 +35,8 @@ class Scenario:
     """What is flown and with what instruments; SI where a name carries no unit. Presets: paper_like, rough, matched.
 
     n_lines lines of length_km, spacing_m apart, at speed V [m/s] and height_m, with lead_s [s] before and after.
-    source_km, sigma_mgal : smoothness and size of the field; truth : field or gm3 (then L_km is its correlation length).
+    source_km, sigma_mgal : smoothness and size of the field; truth : field or gm3 (then L_km is its correlation
+    length).
     white, drift, drift_s : accelerometer [mGal/sqrt(Hz), mGal, s]; k3, k12, tau3 : its error sizes [-, rad, s].
     gnss_white, gnss_colour, gnss_s : height error [m, m, s]; gnss_velocity [m/s] horizontal.
     turbulence : vertical [m/s^2]; reference : error of the GT-like reference [mGal]; rate, imu_rate [Hz].
@@ -79,7 +81,9 @@ class Scenario:
             raise ValueError(f"imu_rate = {self.imu_rate:g} Hz must be a whole multiple of rate = {self.rate:g} Hz.")
         north = self.length_km * 1e3 + 2 * self.lead_s * self.V
         if north > 0.9 * NODES[0] * SPACING or (self.n_lines - 1) * self.spacing_m > 0.9 * NODES[1] * SPACING:
-            raise ValueError(f"Lines of {north / 1e3:.0f} km with their leads, {self.n_lines} of them: more than the field holds.")
+            raise ValueError(
+                f"Lines of {north / 1e3:.0f} km with their leads, {self.n_lines} of them: more than the field holds."
+            )
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Scenario:
@@ -147,7 +151,9 @@ def random_field(scenario: Scenario, rng: np.random.Generator) -> Array:
 def fly(
     scenario: Scenario, field: Array | None, motion: Motion, number: int, rng: np.random.Generator
 ) -> tuple[Truth, Line]:
-    """One line, number 1 in the west: the true flight, what the instruments make of it, and z at the rate of the filter."""
+    """One line, number 1 in the west: the true flight, what the instruments make of it, and z at the rate of the
+    filter.
+    """
     s, dt, every, n = scenario, 1.0 / scenario.imu_rate, scenario.every, motion.n
     epochs = (n - 1) // every + 1
     t = dt * np.arange(n)
@@ -156,7 +162,8 @@ def fly(
     v_east = motion.series(motion.band(rng, SLOW, 1.0))
     v_north = flown * s.V + motion.series(motion.band(rng, SLOW, 0.5))
     f_1, f_2 = (
-        motion.series(motion.band(rng, TURBULENCE, 0.15) + motion.band(rng, SLOW, 0.075)) / corrections.MGAL for _ in range(2)
+        motion.series(motion.band(rng, TURBULENCE, 0.15) + motion.band(rng, SLOW, 0.075)) / corrections.MGAL
+        for _ in range(2)
     )
     start = -flown * s.V * t[-1] / 2
     north = start + double_integral(v_north, dt)[0]
@@ -174,7 +181,9 @@ def fly(
     turning = corrections.eotvos(lat, height, v_east, v_north)
     noise = s.white * math.sqrt(s.imu_rate) * rng.standard_normal(n)
     noise += _first_order(rng, n, dt, s.drift_s, s.drift)
-    f_3 = motion.series(motion.later(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity  # true lag
+    f_3 = (
+        motion.series(motion.later(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity
+    )  # true lag
     f_3 = (f_3 + k1 * f_1 + k2 * f_2 + noise) / (1.0 - k3)
 
     slow = slice(None, None, every)
@@ -207,7 +216,9 @@ class Motion:
     def band(
         self, rng: np.random.Generator, band: tuple[float, float], rms: float, derivative: int = 0, steep: bool = False
     ) -> Array:
-        """Spectrum of white noise behind a Butterworth band-pass of order 2 (steep: twice), `rms` in its `derivative`."""
+        """Spectrum of white noise behind a Butterworth band-pass of order 2 (steep: twice), `rms` in its
+        `derivative`.
+        """
         gain = self._gain(band, steep)
         expected = math.sqrt(np.sum(gain**2) * 2 / self.size)  # rms of filtered unit white noise
         spectrum = fft.rfft(rng.standard_normal(self.size)) * (gain * (rms / expected))

@@ -1,6 +1,8 @@
-"""Files of airborne surveys as tables of columns: CSV, fixed width with a DFN, Geosoft XYZ, and the packed vendored file.
+"""Files of airborne surveys as tables of columns: CSV, fixed width with a DFN, Geosoft XYZ, and the packed vendored
+file.
 
-A table is a dict of column name -> (n,) float array (NaN where the file has a null); names are upper case with underscores,
+A table is a dict of column name -> (n,) float array (NaN where the file has a null); names are upper case with
+underscores,
 however the file writes them. Plain, gzip and xz files are told apart by their first bytes.
 """
 
@@ -35,7 +37,8 @@ def open_binary(path: Path | str) -> IO[bytes]:
 
 
 def read_table(path: Path | str, definition: Path | str | None = None) -> Table:
-    """Read a survey file of any known format; `definition` is the .DFN of a fixed-width .DAT (default: the one beside it).
+    """Read a survey file of any known format; `definition` is the .DFN of a fixed-width .DAT (default: the one beside
+    it).
 
     Raises ValueError, naming the row, for what cannot be read.
     """
@@ -50,7 +53,9 @@ def read_table(path: Path | str, definition: Path | str | None = None) -> Table:
 
 
 def read_csv(path: Path | str) -> Table:
-    """Read comma separated columns under one header line. Raises ValueError for a row of another length or no header."""
+    """Read comma separated columns under one header line. Raises ValueError for a row of another length or no
+    header.
+    """
     with open_binary(path) as stream:
         rows = io.TextIOWrapper(stream, encoding="utf-8-sig").read().splitlines()
     header = [_column(word) for word in rows[0].split(",")] if rows else []
@@ -67,7 +72,8 @@ def read_csv(path: Path | str) -> Table:
 
 
 def read_xyz(path: Path | str) -> Table:
-    """Read a Geosoft XYZ file: `Line 10` or `Tie 20` before each line, column names in the last comment before the data.
+    """Read a Geosoft XYZ file: `Line 10` or `Tie 20` before each line, column names in the last comment before the
+    data.
 
     Where there is no column LINE it is made from the headers. Raises ValueError where no comment names the columns.
     """
@@ -130,7 +136,8 @@ def read_fixed_width(path: Path | str, definition: Path | str) -> Table:
 def pack(table: Mapping[str, Array], decimals: Mapping[str, int], predicted: Mapping[str, tuple[str, str]]) -> bytes:
     """Pack columns without loss: integers of 10^-decimals, second differences, byte planes, xz.
 
-    predicted : column -> (a, b) where a - b nearly gives it, so that only the rest is kept. Raises ValueError for a null.
+    predicted : column -> (a, b) where a - b nearly gives it, so that only the rest is kept. Raises ValueError for a
+    null.
     """
     whole: dict[str, np.ndarray] = {}
     for name, places in decimals.items():

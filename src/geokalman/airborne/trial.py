@@ -17,9 +17,11 @@ from geokalman.kalman.consistency import monte_carlo
 
 @dataclass(frozen=True)
 class Outcome:
-    """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and truth and reference to judge by.
+    """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and truth and reference to
+    judge by.
 
-    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends cut) and
+    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends
+    cut) and
     butter<cutoff>.
     """
 
@@ -102,20 +104,30 @@ class Judged:
         return [flight.references[method] for flight in self.flights]
 
     def sd(self, method: str, reference: str) -> Array:
-        """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN where none is there."""
-        return np.array([np.nanstd(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)])
+        """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN where none is
+        there.
+        """
+        return np.array(
+            [np.nanstd(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
+        )
 
     def offset(self, method: str, reference: str) -> Array:
         """Mean of method minus reference, a line at a time [mGal]."""
-        return np.array([np.nanmean(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)])
+        return np.array(
+            [np.nanmean(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
+        )
 
     def _differences(self, method: str, reference: str) -> list[Array]:
         pairs = zip(self.series(method), self.series(reference), self.keep, strict=True)
         return [(ours - theirs)[keep] for ours, theirs, keep in pairs]
 
 
-def real(flights: Sequence[Flight], tuning: Tuning, lag: float = 0.0, trim_s: float = 60.0, smoother: Smoother = "rts") -> Judged:
-    """Estimate real lines, z corrected by a second-order lag [s^2] where given, and cut `trim_s` off either end to judge."""
+def real(
+    flights: Sequence[Flight], tuning: Tuning, lag: float = 0.0, trim_s: float = 60.0, smoother: Smoother = "rts"
+) -> Judged:
+    """Estimate real lines, z corrected by a second-order lag [s^2] where given, and cut `trim_s` off either end to
+    judge.
+    """
     estimates = tuple(estimate(flight.line.lagged(lag), tuning, smoother) for flight in flights)
     return Judged(tuple(flights), estimates, tuple(assess.inner(flight.line.t, trim_s) for flight in flights))
 

@@ -23,7 +23,12 @@ class Fit:
     converged: bool
 
 
-def fit(lines: Sequence[Line], start: Tuning, names: Sequence[str] = ("R_m", "q_f", "L_km", "sigma_mgal"), evaluations: int = 120) -> Fit:
+def fit(
+    lines: Sequence[Line],
+    start: Tuning,
+    names: Sequence[str] = ("R_m", "q_f", "L_km", "sigma_mgal"),
+    evaluations: int = 120,
+) -> Fit:
     """Maximise the likelihood of lines over some positive fields of a tuning (Nelder-Mead in their logarithms).
 
     Raises ValueError for no lines, or a field that is not positive at the start.
@@ -32,7 +37,9 @@ def fit(lines: Sequence[Line], start: Tuning, names: Sequence[str] = ("R_m", "q_
         raise ValueError("There are no lines to tune on.")
     first = np.array([getattr(start, name) for name in names], dtype=float)
     if not (first > 0).all():
-        raise ValueError(f"{names[int(np.argmin(first))]} = {first.min():g}: a search in logarithms needs positive starts.")
+        raise ValueError(
+            f"{names[int(np.argmin(first))]} = {first.min():g}: a search in logarithms needs positive starts."
+        )
 
     def cost(x: np.ndarray) -> float:
         if np.abs(x).max() > np.log(30.0):  # beyond a factor of 30 nothing is learned
@@ -50,7 +57,8 @@ def fit(lines: Sequence[Line], start: Tuning, names: Sequence[str] = ("R_m", "q_
 
 
 def second_order_lag(lines: Sequence[Line], tuning: Tuning) -> tuple[float, np.ndarray]:
-    """Second-order lag c [s^2] from flight data alone: the likelihood is quadratic in it, so one whitened regression does.
+    """Second-order lag c [s^2] from flight data alone: the likelihood is quadratic in it, so one whitened regression
+    does.
 
     z = model - c (f3' - f3'(0)).  Returns the pooled value and that of each line.
     """

@@ -1,7 +1,9 @@
 """Whitening by a Kalman filter: rows of a least-squares problem whose errors are a state-space process.
 
-Where z = A b + e and e is the output of a linear model (prior, Phi, Q, H, R), the filter of that model turns z and every
-column of A into its whitened innovations. They have independent errors of unit variance, so that ordinary normal equations
+Where z = A b + e and e is the output of a linear model (prior, Phi, Q, H, R), the filter of that model turns z and
+every
+column of A into its whitened innovations. They have independent errors of unit variance, so that ordinary normal
+equations
 of the whitened rows give the best linear estimate of b, without the covariance of e ever being formed.
 """
 
@@ -71,10 +73,12 @@ def whiten_columns(P0, t, H, R, transition: Transition, columns) -> np.ndarray:
     """Whitened innovations (N, c) of columns (N, c) under a linear model with scalar observations and zero prior mean.
 
     W = C^(-1/2) A with C = cov(z) under the model and C^(-1/2) lower triangular, so W' W = A' C^-1 A.
-    P0 : (n, n) prior covariance at t[0]; t : (N,) [s]; H : (1, n) or (N, 1, n); R : (1, 1) or (N, 1, 1); transition : as in
+    P0 : (n, n) prior covariance at t[0]; t : (N,) [s]; H : (1, n) or (N, 1, n); R : (1, 1) or (N, 1, 1); transition :
+    as in
     `linear.filter_linear`; columns : (N, c), data and design alike.
     Raises ValueError for wrong shapes, NotPositiveDefinite with the epoch.
-    Source: Rosenberg (1973), Annals of Economic and Social Measurement 2, 399-428; de Jong (1991), Annals of Statistics 19.
+    Source: Rosenberg (1973), Annals of Economic and Social Measurement 2, 399-428; de Jong (1991), Annals of
+    Statistics 19.
     """
     t = epochs(t)
     P = covariance("P0", P0, len(np.atleast_2d(P0)))
