@@ -347,6 +347,8 @@ def test_a_short_line_is_refused_with_a_reason(table):
 def test_a_line_that_is_not_there(kauring):
     with pytest.raises(KeyError, match="There is no line 5; there are 10100"):
         kauring[5]
+    with pytest.raises(KeyError, match="There is no line 200100; line 200100 lasts 140.0 s, at least 240 s are needed"):
+        read.load("kauring")[200100]
 
 
 def test_an_unknown_unit_and_a_row_without_a_line(table):

@@ -106,7 +106,7 @@ class Survey:
         for flight in self.flights:
             if flight.name == wanted:
                 return flight
-        reason = next((text for text in self.refused if wanted in text), "")
+        reason = next((text for text in self.refused if text.startswith(f"line {wanted} ")), "")
         raise KeyError(f"There is no line {wanted}; {reason or 'there are ' + _some([f.name for f in self.flights])}.")
 
     def select(self, names: Sequence[str | int | float]) -> tuple[Flight, ...]:
