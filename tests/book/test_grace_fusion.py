@@ -58,8 +58,8 @@ def test_anchors_of_the_specification(run, scale, name):
 
 @pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))
 def test_stored_reference(run, scale, name):
-    if not reference.path_of(ROOT, f"{PAPER}/{name}", scale).is_file():
-        pytest.skip(f"no reference of {name} at {scale} scale is stored yet; make one with: make reference")
+    stored = reference.path_of(ROOT, f"{PAPER}/{name}", scale)
+    assert stored.is_file(), f"{name} has no reference at {scale} scale; store one: make reference REASON=... (it needs make book)"
     problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(scale, name), scale) if d.problem]
     assert not problems, "\n".join(problems)
 

@@ -51,7 +51,7 @@ def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> 
 def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) -> None:
     prose = text(toy_root, "markdown")
     assert "```{table} Two methods.\n:name: rms\n\n| method | rms / m |\n| --- | ---: |\n" in prose
-    assert "| EKF | 0.8 \\| 0.9 |" in prose
+    assert "| EKF | 0.8 \\| 9.0\u00a0×\u00a010⁻¹ |" in prose
     assert "{download}`Data (CSV) <01-wave.files/rms.csv>`" in prose
 
 
@@ -79,11 +79,12 @@ def test_a_figure_without_data_offers_none(toy_root: Path) -> None:
         del record["files"]["csv"]
 
     rerecord(toy_root, without)
-    assert "wave.csv" not in text(toy_root, "markdown")
+    assert "files/wave.csv" not in text(toy_root, "markdown")
 
 
 def test_each_notebook_has_a_label_of_its_own_for_its_verdicts() -> None:
-    assert stage.label("toy/01-wave", "verdicts") == "verdicts-toy-01-wave"
+    assert stage.label("toy/01-wave", "verdicts-01-wave") == "verdicts-toy-01-wave"
+    assert stage.label("boat/01-wave", "verdicts-01-wave") == "verdicts-boat-01-wave"
     assert stage.label("toy/01-wave", "wave") == "wave"
 
 

@@ -133,6 +133,10 @@ def test_unknown_paper(toy):
         claims.ledger(toy, "boy")
 
 
+def test_a_key_may_hold_what_a_recorded_name_may():
+    assert make(metric="toy/01-line:a-b.c+d").metrics == ["toy/01-line:a-b.c+d"]
+
+
 def test_which_claims_a_notebook_decides(toy):
     assert [c.id for c in claims.decided_by(toy, "toy/01-line")] == ["mean"]
     assert claims.decided_by(toy, "toy/02-constant") == []  # `steeper` needs both
@@ -150,16 +154,18 @@ def write_metrics(root, mean):
 
 def test_tables_and_readme(toy):
     write_metrics(toy, 49.0)
-    assert (
-        "| Table 1: the mean of the line | 49 m | 49.00 m | reproduced | accepted ±0.1 % |"
-        in claims.verdicts_markdown(toy, "toy")
-    )
+    first = claims.row(claims.judge_paper(toy, "toy")[0])
+    assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]
     assert claims.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
     assert not claims.readme_agrees(toy)
     (toy / "README.md").write_text(claims.readme_with_block(toy))
     assert claims.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
     write_metrics(toy, 48.0)
     assert not claims.readme_agrees(toy)
+    (toy / "README.md").write_text("# Toy\n\n<!-- verdicts -->\n<!-- /verdicts -->\n\nThe end.\n")  # nothing between yet
+    (toy / "README.md").write_text(claims.readme_with_block(toy))
+    assert claims.readme_agrees(toy)
+    assert (toy / "README.md").read_text().endswith(" |\n<!-- /verdicts -->\n\nThe end.\n")
     assert [e["verdict"] for e in claims.as_json(toy, "toy")] == ["not-reproduced", "reproduced"]
     (toy / "README.md").write_text("no block")
     with pytest.raises(Fault, match="README.md lacks the lines <!-- verdicts -->"):
@@ -169,18 +175,18 @@ def test_tables_and_readme(toy):
 @pytest.mark.parametrize(
     "change, printed, why",
     [
-        ({"printed": 5.26357e-6}, "5.26357 × 10⁻⁶ m", "accepted ±10 %"),
+        ({"printed": 5.26357e-6}, "5.26357\u00a0×\u00a010⁻⁶\u00a0m", "accepted ±10 %"),
         ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
         (
             {"printed": 20, "reads": 2.0, "because": "a zero too many"},
-            "20 m; read as 2 m",
+            "20\u00a0m; read as 2\u00a0m",
             "a zero too many; accepted ±10 %",
         ),
     ],
 )
 def test_a_row_shows_print_reading_and_reason(change, printed, why):
     says, shown, ours, _, reason = claims.row(claims.judge(make(**change), metrics(2.0)))
-    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000 m", why)
+    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000\u00a0m", why)
 
 
 def test_before_anything_was_computed(toy):

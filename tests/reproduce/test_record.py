@@ -221,16 +221,16 @@ def test_table_bundle(book, capsys, monkeypatch, toy):
     assert '<th scope="col" style="text-align: right">value</th>' in bundle["text/html"]
     assert '<th scope="row" style="text-align: left">a|b</th>' in bundle["text/html"]
     record = bundle[display.TABLE_TYPE]
-    assert record["rows"] == [["a|b", "−1.23 × 10⁻⁹", "3", "–"], ["c", "5.00 × 10⁻¹", "yes", "x"]]
-    assert record["markdown"].splitlines()[2] == "| a\\|b | −1.23 × 10⁻⁹ | 3 | – |"
+    assert record["rows"] == [["a|b", "−1.23\u00a0×\u00a010⁻⁹", "3", "–"], ["c", "5.00\u00a0×\u00a010⁻¹", "yes", "x"]]
+    assert record["markdown"].splitlines()[2] == "| a\\|b | −1.23\u00a0×\u00a010⁻⁹ | 3 | – |"
     book.finish()
     assert "-1.23456789e-09" in (toy / "out" / "tables" / "t.csv").read_text()
 
 
 @pytest.mark.parametrize(
     "value, text",
-    [(5.26357e-7, "5.264 × 10⁻⁷"), (0.0123456, "0.01235"), (-2.5, "−2.500"), (220076.057, "220076"),
-     (1.5e9, "1.500 × 10⁹"), (0, "0"),
+    [(5.26357e-7, "5.264\u00a0×\u00a010⁻⁷"), (0.0123456, "0.01235"), (-2.5, "−2.500"), (220076.057, "220076"),
+     (1.5e9, "1.500\u00a0×\u00a010⁹"), (0, "0"),
      (9.99996, "10.00"), (7, "7"), (-np.inf, "−∞"), (np.nan, "not a number")],
 )  # fmt: skip
 def test_numbers_for_readers(value, text):
@@ -255,7 +255,7 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     book.record("line.mean", 49.01, "m")
     record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
     assert record["name"] == "verdicts-01-line"
-    assert record["rows"] == [["Table 1: the mean of the line", "49 m", "49.01 m", "reproduced", "accepted ±0.1 %"]]
+    assert record["rows"] == [["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]]
     other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]

@@ -57,21 +57,16 @@ def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     shown = [name for name in header if name != "Why"]
     lines = [f"| {' | '.join(shown)} |", f"|{' --- |' * len(shown)}"]
     for row in rows:
-        told = {name: _unbroken(_plain(text)) for name, text in zip(header, row, strict=True)}
-        if told.pop("Why", ""):
-            told[shown[0]] += f"<br><small>{_plain(row[header.index('Why')])}</small>"
+        told = {name: _plain(text) for name, text in zip(header, row, strict=True)}
+        if why := told.pop("Why", ""):
+            told[shown[0]] += f"<br><small>{why}</small>"
         lines.append(f"| {' | '.join(told[name] for name in shown)} |")
     return "\n".join(lines)
 
 
-def _unbroken(text: str) -> str:
-    """Text in which a number is not torn from its power of ten."""
-    return re.sub(r"(?<=\d) × (?=10)", "\u00a0×\u00a0", text)
-
-
 def _plain(text: str) -> str:
-    """Text on one line whose markup characters are harmless in a cell of a Markdown table."""
-    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"\s+", " ", text))
+    """Text on one line (its no-break spaces kept) whose markup characters are harmless in a cell of a Markdown table."""
+    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"[ \t\r\n]+", " ", text))
 
 
 def run_times(root: Path) -> str:

@@ -23,7 +23,7 @@ _OPERATORS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-_METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.]+$"
+_METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.+-]+$"
 MetricName = Annotated[str, Field(pattern=_METRIC)]
 Metrics = Mapping[str, Mapping[str, Any]]
 """Recorded numbers of one notebook: key -> {value, unit}."""
@@ -305,11 +305,6 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
 _judge = judge
 
 
-def verdicts_markdown(root: Path, paper: str) -> str:
-    """Markdown table of all claims of a paper with their verdicts."""
-    return display.markdown_table(HEADER, [row(j) for j in judge_paper(root, paper)])
-
-
 def summary_markdown(root: Path, prefix: str = "") -> str:
     """Markdown table of how many claims of each paper have which verdict; links start at `prefix`."""
     rows = []
@@ -341,7 +336,7 @@ def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
 
 # README
 
-_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(\n<!-- /verdicts -->)", re.S)
+_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
 
 
 def readme_with_block(root: Path) -> str:
@@ -351,7 +346,7 @@ def readme_with_block(root: Path) -> str:
         raise Fault(
             "README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->, between which the verdicts stand."
         )
-    return _BLOCK.sub(lambda m: m[1] + summary_markdown(root, "book/") + m[2], text)
+    return _BLOCK.sub(lambda m: f"{m[1]}{summary_markdown(root, 'book/')}\n{m[2]}", text)
 
 
 def readme_agrees(root: Path) -> bool:

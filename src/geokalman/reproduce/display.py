@@ -12,6 +12,7 @@ from typing import Any
 
 FIGURE_TYPE = "application/vnd.geokalman.figure+json"
 TABLE_TYPE = "application/vnd.geokalman.table+json"
+_NBSP = "\u00a0"  # between a number, its power of ten and its unit, so that no line break tears them
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -28,14 +29,18 @@ def number(value: float, digits: int = 4) -> str:
     if -3 <= power < 6:
         text = f"{value:.{max(digits - 1 - power, 0)}f}"
     else:
-        text = f"{mantissa} × 10{str(power).translate(_SUPERSCRIPT)}"
+        text = mantissa + _power(power)
     return text.replace("-", "−")
 
 
 def quantity(value: float, unit: str = "", digits: int = 4) -> str:
     """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`."""
     raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
-    return f"{number(value, digits)} {raised}".rstrip()
+    return number(value, digits) + (_NBSP + raised if raised else "")
+
+
+def _power(exponent: int) -> str:
+    return f"{_NBSP}×{_NBSP}10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
 def cell(value: Any, form: str | None = None) -> str:
@@ -49,8 +54,7 @@ def cell(value: Any, form: str | None = None) -> str:
         if not form or value == 0:
             return number(value)
         mantissa, e, exponent = f"{value:{form}}".partition("e")
-        power = f" × 10{str(int(exponent)).translate(_SUPERSCRIPT)}" if e else ""
-        return mantissa.replace("-", "−") + power
+        return mantissa.replace("-", "−") + (_power(int(exponent)) if e else "")
     return str(value)
 
 

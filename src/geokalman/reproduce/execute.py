@@ -134,8 +134,6 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     text = "+".join(words) or "paper"
     plain = re.sub(r"[^A-Za-z0-9=+.,_-]+", "-", text).strip("-")
     if plain != text or len(plain) > 80:
-        import hashlib
-
         plain = f"{plain[:70]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     return root / "runs" / name / plain
 

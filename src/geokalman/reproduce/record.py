@@ -214,6 +214,16 @@ class Notebook:
 
         return claims.decided_by(self._root, self.name)
 
+    def printed(self, claim: str) -> float:
+        """The number that the paper prints, as we read it, from its ledger. Raises Fault for an unknown claim or one without a number."""
+        from geokalman.reproduce import claims
+
+        for entry in claims.ledger(self._root, self.name.partition("/")[0]):
+            value = entry.printed if entry.reads is None else entry.reads
+            if entry.id == claim and isinstance(value, numbers.Real):
+                return float(value)
+        raise Fault(f"{claim} is no claim with a printed number in the ledger of {self.name.partition('/')[0]}.")
+
     def verdicts(self) -> None:
         """Show the claims that this notebook's numbers decide; nothing is judged but at the paper's parameters."""
         from geokalman.reproduce import claims

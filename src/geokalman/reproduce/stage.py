@@ -7,6 +7,7 @@ away, one click from the reader; each page says how it was made and how to rerun
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -188,8 +189,13 @@ def _echo(output: nbformat.NotebookNode) -> bool:
 
 
 def label(page: str, name: str) -> str:
-    """Label of a figure or table for cross-references: its name; the table `verdicts` adds the page's."""
-    return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
+    """Label of a figure or table for cross-references: its name; the table of `nb.verdicts()` takes the page's."""
+    return f"verdicts-{page.replace('/', '-')}" if _of_verdicts(name) else name
+
+
+def _of_verdicts(name: str) -> bool:
+    """Is a table of this name the one that `nb.verdicts()` shows?"""
+    return name.startswith("verdicts-")
 
 
 def _figure(page: str, record: dict, run: Path, files: Path) -> str:
@@ -204,11 +210,12 @@ def _figure(page: str, record: dict, run: Path, files: Path) -> str:
 
 
 def _table(page: str, record: dict, run: Path, files: Path) -> str:
-    rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
-    rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
-    body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
-    if record["name"] == "verdicts":
+    if _of_verdicts(record["name"]):
         body = claims_table(record["header"], record["rows"])
+    else:
+        rule = ["---:" if align == "right" else "---" for align in record["align"]]
+        rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
+        body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
     head = f"```{{table}} {_line(record['caption'])}\n:name: {label(page, record['name'])}\n\n"
     return f"{head}{body}\n```\n{_data_link(record, run, files)}"
 
@@ -232,4 +239,4 @@ def _part(run: Path, inside: str) -> Path:
 
 
 def _line(text: str) -> str:
-    return " ".join(str(text).split())
+    return re.sub(r"[ \t\r\n]+", " ", text).strip(" ")  # no-break spaces stay
