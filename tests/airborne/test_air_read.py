@@ -231,7 +231,7 @@ def test_a_gap_splits_the_line_and_is_not_integrated_across(whole, table):
     long = {name: np.concatenate([v, v]) for name, v in table.items()}  # 888 s in two flights over the same ground
     long["UTC"][888:] += 600.0
     pieces = survey(long, KAURING).flights
-    assert [f.name for f in pieces] == ["104000a", "104000b"]
+    assert [f.name for f in pieces] == ["104000a", "104000b"] and {f.number for f in pieces} == {104000.0}
     np.testing.assert_array_equal(pieces[0].line.z, pieces[1].line.z)
     assert pieces[1].line.z[0] == 0.0
 

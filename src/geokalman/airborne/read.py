@@ -92,6 +92,11 @@ class Flight:
         """The line's number as the file has it; pieces after a gap carry a letter."""
         return self.line.name
 
+    @property
+    def number(self) -> float:
+        """The line's number without the letter of a piece."""
+        return float(self.name.rstrip("abcdefghijklmnopqrstuvwxyz"))
+
 
 @dataclass(frozen=True)
 class Survey:
