@@ -73,7 +73,7 @@ _THEMES = {
 _theme = "light"
 
 DIVERGING = "RdBu_r"
-"""Colour map for signed maps; white (or the page's dark) is zero, and it is safe for colour-blind readers."""
+"""Colour map for signed maps; white is zero in both themes, and it is safe for colour-blind readers."""
 SEQUENTIAL = "cividis"
 """Colour map for magnitudes."""
 

@@ -163,6 +163,12 @@ def test_what_is_missing_is_named(toy_root: Path) -> None:
         stage.stage(toy_root)
 
 
+def test_a_notebook_outside_the_contents_is_named(toy_root: Path) -> None:
+    shutil.copyfile(toy_root / f"book/{toybook.PAGE}.md", toy_root / "book/toy/02-tiny.md")
+    with pytest.raises(stage.StageError, match=r"^book/toy/02-tiny\.md is not in book/_toc\.yml; add it there\.$"):
+        stage.stage(toy_root)
+
+
 def test_the_site_is_whole_or_the_last_one(toy_root: Path) -> None:
     site = stage.stage(toy_root)
     before = tree(site)

@@ -67,6 +67,10 @@ def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
     body = text[text.index("<body>") :]
+    assert (
+        "This run differs from the paper's set-up: <code>slope=3.0, n=5</code>. "
+        "The words around the numbers describe the paper's run."
+    ) in body
     assert "A straight line" in body and '<img alt="A rising line." src="data:image/png;base64,' in body
     assert (
         "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ")
@@ -203,6 +207,11 @@ def test_through_papermill_directly(toy):
     assert json.loads(record.read_text())["line.mean"]["value"] == 98.0
     done = papermill("-p", "slop", "4")
     assert done.returncode != 0 and "slop is no parameter of toy/01-line (did you mean slope?)" in done.stderr
+
+
+def test_a_run_as_the_paper_has_it_needs_no_warning(toy):
+    execute.run(toy, "toy/02-constant", {"value": 3.0}, out=toy / "out")
+    assert "differs from the paper" not in (toy / "out" / "page.html").read_text()
 
 
 def test_prose_of_a_page(toy):

@@ -60,6 +60,7 @@ def test_comment_gives_range_unit_and_help():
         ("step=null", None),
         ("step=1e-12", 1e-12),
         ("kbr=false", False),
+        ("words=[]", []),  # the default is empty too
         ("words=[no, 12:30]", ["no", "12:30"]),  # YAML 1.1 would read false and 750
         ("argp=-.5", -0.5),
         ("field=", ""),
@@ -102,7 +103,9 @@ def test_command_line_words(word, value):
         ("stencils=abc", r"stencils='abc' is not list\[int\]"),
         ("kbr=1", "kbr=1 is not bool; kbr must be true or false"),
         ("step=0", r"step=0 is out of range; step must be a number in \(0, 600\] s or None"),
-        ("field=missing.gfc", "field=missing.gfc: there is no file .*missing.gfc; field is a path"),
+        ("field=missing.gfc", r"field=missing.gfc: /.*/missing.gfc does not exist; field must be the path of an existing file \(an ICGEM .gfc file\)\."),
+        ("field=/", "field=/: / is a folder; field must be the path of an existing file"),
+        ("stencils=[]", r"stencils = \[\] is empty; give at least one value\."),
         ("days", "'days' is no assignment; write name=value"),
         ("=5", "'=5' is no assignment"),
     ],
@@ -133,6 +136,7 @@ def test_numpy_numbers_become_plain_ones():
 
 def test_mode():
     spec = make()
+    assert spec.changed(spec.defaults | {"days": 5.0, "stencils": [5, 7]}) == {"days": 5.0}
     assert spec.mode(spec.defaults) == "paper"
     assert spec.mode(spec.defaults | {"days": 5.0}) == "quick"
     assert spec.mode(spec.defaults | {"days": 6.0}) == "custom"

@@ -95,12 +95,13 @@ def _run_alone(
             raise ExecutionFailed(message, name)
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
+        told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
             from geokalman.reproduce import page as pages
 
-            atomic.write_text(record / "page.html", pages.render(executed, root, name))
-        told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+            changed = parameters.specification(source, name).changed(told["parameters"])
+            atomic.write_text(record / "page.html", pages.render(executed, root, name, changed))
         made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
         told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
         atomic.write_json(record / "provenance.json", told)

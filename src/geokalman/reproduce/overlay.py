@@ -1,4 +1,4 @@
-"""The data of one figure from two runs in one image: curves over each other, tracks, or maps beside their difference."""
+"""The data of one figure from two runs in one image: curves over each other, tracks, or maps with their difference."""
 
 from __future__ import annotations
 
@@ -68,9 +68,8 @@ def _curves(left: Columns, right: Columns, shared: Sequence[str]) -> Figure:
     for axis, column in zip(axes[:, 0], columns, strict=True):
         axis.plot(left[over], left[column], color=_LEFT, lw=1.6, label="left")
         axis.plot(right[over], right[column], color=_RIGHT, lw=1.0, ls="--", label="right")
-        axis.set(
-            xlabel=over, ylabel=column, xscale=_scale(left[over], right[over]), yscale=_scale(left[column], right[column])
-        )
+        axis.set(xlabel=over, ylabel=column)
+        axis.set(xscale=_scale(left[over], right[over]), yscale=_scale(left[column], right[column]))
         axis.legend(loc="upper right")
     return figure
 

@@ -91,7 +91,8 @@ class Parameter(BaseModel):
     def check(self, value: Any, base: Path | None = None) -> Any:
         """The value in the parameter's own type; raises Misuse for another type or one out of range.
 
-        An int is taken for a float, never a bool for a number. A path is made absolute from `base` and must exist.
+        An int is taken for a float, never a bool for a number. A path is made absolute from `base` and must exist. An
+        empty list is refused unless it is the default.
         """
         if value is None and self.optional:
             return None
@@ -100,6 +101,8 @@ class Parameter(BaseModel):
                 if not (hasattr(value, "tolist") and getattr(value, "ndim", 0) == 1):
                     raise self._wrong(value)
                 value = value.tolist()
+            if not value and self.default:
+                raise Misuse(f"{self.name} = [] is empty; give at least one value.")
             return [self._item(item, base, f"[{k}]") for k, item in enumerate(value)]
         return self._item(value, base)
 
@@ -126,7 +129,9 @@ class Parameter(BaseModel):
     def _file(self, value: str, base: Path | None) -> str:
         path = ((base or Path.cwd()) / Path(value).expanduser()).resolve()
         if not path.is_file():
-            raise Misuse(f"{self.name}={value}: there is no file {path}; {self.name} is a path ({self.help}).")
+            what = "is a folder" if path.is_dir() else "does not exist"
+            about = f" ({self.help})" if self.help else ""
+            raise Misuse(f"{self.name}={value}: {path} {what}; {self.name} must be the path of an existing file{about}.")
         return str(path)
 
     def _wrong(self, value: Any, why: str | None = None, place: str = "") -> Misuse:
@@ -166,6 +171,10 @@ class Specification(BaseModel):
         hint = f" (did you mean {near[0]}?)" if near else ""
         valid = ", ".join(self.parameters) or "none"
         return Misuse(f"{name} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
+
+    def changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The values that differ from the paper-scale ones."""
+        return {name: value for name, value in values.items() if value != self.defaults.get(name)}
 
     def mode(self, values: Mapping[str, Any]) -> str:
         """`paper` for the defaults, `quick` for the quick values, else `custom`."""

@@ -38,7 +38,11 @@ def stage(root: Path) -> Path:
     """
     book, site = root / "book", root / "book" / "_build" / "site"
     pages = toc_pages(book / "_toc.yml")
-    runs = {page: book / "_build" / "runs" / page for page in pages if page in notebooks.names(root)}
+    names = notebooks.names(root)
+    for name in names:
+        if name not in pages:
+            raise StageError(f"book/{name}.md is not in book/_toc.yml; add it there.")
+    runs = {page: book / "_build" / "runs" / page for page in pages if page in names}
     _require_all(book, pages, runs)
     with explained(site), alone(site):
         new = partial_path(site)
