@@ -43,6 +43,12 @@ METHODS: dict[str, Method] = {
     "aekf2": Method("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
     "raekf": Method("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
     "rts": Method("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
+    "forward": Method("#b34700", "#ff9b52", ":", "s", "forward filter"),
+    "fb": Method("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
+    "reference": Method("#000000", "#f2f2f2", "-", "", "reference"),
+    "contractor": Method("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
+    "grid": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
+    "joint": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 
