@@ -27,8 +27,6 @@ from geokalman.reproduce.errors import Fault, Misuse
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-RUN_FILES = ("notebook.ipynb", "metrics.json", "arrays.npz", "provenance.json")
-"""What every run folder holds; `figures/` and `tables/` stand beside where the notebook shows some."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: weakref.WeakSet[Any] = weakref.WeakSet()
