@@ -96,7 +96,7 @@ def api(root: Path) -> str:
                 shelf = names[:-1]
                 parts += [f"## `{'.'.join(shelf)}`", ""]
             if names[-1] != "__init__":  # a rubric, so that the list of the page's sections stays short
-                parts += [f"```{{rubric}} `{'.'.join(names)}`", ":heading-level: 3", "```", ""]
+                parts += [f"```{{rubric}} {'.'.join(names)}", ":heading-level: 3", "```", ""]
             parts += [_sentence(tree), ""]
             for node in public:
                 parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
