@@ -11,6 +11,7 @@ from geokalman.attitude.model import Array, camera_information
 from geokalman.physics.quaternion import continuous, conjugate, difference, difference_point, exp, multiply, retract_point, spline
 
 LONGEST_GAP = 5.0  # s: a quaternion is not interpolated over more
+SNAP = 1e-5  # s: a tag so near the second counts as there; the attitude turns by 1e-8 rad in it
 
 
 class Combined(NamedTuple):
@@ -106,9 +107,9 @@ def at_seconds(combined: Combined) -> Combined:
     and the mask are those of the nearest sample; a spline averages two samples, which the covariance then overstates.
     """
     t = combined.t
-    seconds = np.arange(np.ceil(t[0] - 1e-6), np.floor(t[-1] + 1e-6) + 0.5)
-    near = np.clip(np.searchsorted(t, seconds - 1e-6), 0, len(t) - 1)
-    if (np.abs(t[near] - seconds) < 1e-6).all():
+    seconds = np.arange(np.ceil(t[0] - SNAP), np.floor(t[-1] + SNAP) + 0.5)
+    near = np.clip(np.searchsorted(t, seconds - SNAP), 0, len(t) - 1)
+    if (np.abs(t[near] - seconds) < SNAP).all():
         return Combined(seconds, combined.q[near], combined.cov[near], combined.used[near])
     there = np.isfinite(combined.q[:, 0])
     ts, qs = t[there], combined.q[there]
