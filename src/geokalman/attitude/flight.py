@@ -60,7 +60,7 @@ def _from_files(folder: Path, date: str) -> Flight:
     reach = [_reach(raw[s]) for s in SATELLITES]
     first = max(*(r[0] for r in reach), *(o[0][0] for o in orbits.values()))
     last = min(*(r[1] for r in reach), *(o[0][-1] for o in orbits.values()))
-    t = np.arange(np.ceil(first), np.floor(last) + 0.5)
+    t = np.arange(np.ceil(first - cameras.SNAP), np.floor(last + cameras.SNAP) + 0.5)
     if len(t) < 60:
         raise Level1Error(f"{folder}: sensors and orbits of {date} have only {len(t)} seconds in common.")
     r, v, accelerations = {}, {}, {}

@@ -160,8 +160,9 @@ def between(increments: Increments, first: float, last: float) -> Increments:
 
 def reduced(raw: Raw, tuning: Tuning) -> Increments:
     """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both ends."""
-    first, last = np.ceil(raw.t_camera[0]), np.floor(raw.t_camera[-1])
-    start, end = np.nanmax(raw.t_gyro[:, :1]), np.nanmin(raw.t_gyro[:, -1:])
+    first, last = np.ceil(raw.t_camera[0] - 1e-3), np.floor(raw.t_camera[-1] + 1e-3)
+    used = [axis - 1 for axis in tuning.axes]
+    start, end = np.nanmin(raw.t_gyro[used], axis=1).max(), np.nanmax(raw.t_gyro[used], axis=1).min()
     first, last = first - 1.0 if start <= first - 1.0 else first, last + 1.0 if end >= last + 1.0 else last
     epochs = np.arange(round((last - first) * GYRO_HZ) + 1) / GYRO_HZ + first
     return reduce(raw.t_gyro, raw.gyro, raw.satellite, epochs, tuning.axes)

@@ -19,7 +19,12 @@ NAME = re.compile(r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<sa
 MOST_BAD = 0.01
 FEWEST = 0.5
 NORM_REFUSED, NORM_EXACT = 1e-3, 1e-9
-CHUNK = 50_000  # lines that are split at a time
+CHUNK = 50_000  # lines that are converted at a time
+LONGEST = 40  # characters of a field
+FORMS = {
+    "int": re.compile(r"[+-]?[0-9]+\Z"),
+    "float": re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE),
+}
 
 
 class Level1Error(ValueError):
@@ -218,44 +223,46 @@ def _empty(column: Column) -> np.ndarray:
 
 def _parse(lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]) -> dict[str, np.ndarray]:
     """Columns of a chunk of lines: converted whole where every field is sound, else without the bad records."""
-    rows = [line.split() for _, line in lines]
     try:
-        return _convert(rows, schema)
-    except (ValueError, OverflowError):
+        return _convert([line for _, line in lines], schema)
+    except ValueError:
         pass
     good = []
-    for (number, _), row in zip(lines, rows, strict=True):
-        fault = _fault(row, schema)
+    for number, line in lines:
+        fault = _fault(line.split(), schema)
         if fault:
             bad.append((number, fault))
         else:
-            good.append(row)
+            good.append(line)
     return _convert(good, schema)
 
 
-def _convert(rows: list[list[str]], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
-    if not rows:
+def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
+    """Columns of sound records. Raises ValueError, without saying which, where one is not; `_fault` says why."""
+    if not lines:
         return {c.name: _empty(c) for c in schema if c is not None}
-    if any(len(row) != len(schema) for row in rows):
+    kinds = {"int": "i8", "float": "f8"}
+    dtype = [(f"{k}", kinds.get(c.kind, f"U{LONGEST + 1}") if c else f"U{LONGEST + 1}") for k, c in enumerate(schema)]
+    table = np.loadtxt(lines, dtype=dtype, comments=None, ndmin=1)
+    if len(table) != len(lines):
         raise ValueError
     out = {}
-    for column, texts in zip(schema, zip(*rows, strict=True), strict=True):
+    for k, column in enumerate(schema):
         if column is None:
             continue
-        if column.kind == "int":
-            out[column.name] = np.array([int(text) for text in texts], dtype=np.int64)
-        elif column.kind == "float":
-            out[column.name] = np.array([float(text) for text in texts])
-            if not np.isfinite(out[column.name]).all():
-                raise ValueError
-        else:
-            out[column.name] = np.array(texts)
-            if column.kind == "flags" and any(text.strip("01") for text in set(texts)):
-                raise ValueError
-        modulus = SECOND_FRACTIONS.get(column.name)
-        if modulus and ((out[column.name] < 0) | (out[column.name] >= modulus)).any():
+        values = np.ascontiguousarray(table[f"{k}"])
+        if column.kind == "float" and not np.isfinite(values).all():
             raise ValueError
-    if "quatangle" in out and (_norm(out) == 0.0).any() or "quatangle" in out and (np.abs(_norm(out) - 1.0) > NORM_REFUSED).any():
+        if column.kind in ("text", "flags"):
+            distinct = np.unique(values)
+            if any(len(text) > LONGEST or (column.kind == "flags" and text.strip("01")) for text in distinct):
+                raise ValueError
+            values = values.astype(f"U{max(len(text) for text in distinct)}")
+        modulus = SECOND_FRACTIONS.get(column.name)
+        if modulus and ((values < 0) | (values >= modulus)).any():
+            raise ValueError
+        out[column.name] = values
+    if "quatangle" in out and not (np.abs(_norm(out) - 1.0) <= NORM_REFUSED).all():
         raise ValueError
     return out
 
@@ -270,12 +277,14 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
     if len(row) != len(schema):
         return f"{len(row)} columns, {len(schema)} are expected"
     for k, (column, text) in enumerate(zip(schema, row, strict=True), 1):
+        if len(text) > LONGEST:
+            return f"column {k} is {len(text)} characters long, {text[:30]!r}..."
         if column is None:
             continue
-        try:
-            value = int(text) if column.kind == "int" else float(text) if column.kind == "float" else 0
-        except ValueError:
-            return f"column {k} ({column.name}) is {text[:30]!r}, not a number"
+        form = FORMS.get(column.kind)
+        if form and not form.match(text):
+            return f"column {k} ({column.name}) is {text[:30]!r}, not {'an integer' if column.kind == 'int' else 'a number'}"
+        value = int(text) if column.kind == "int" else float(text) if column.kind == "float" else 0
         if column.kind == "int" and not -(2**63) <= value < 2**63:
             return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
         if column.kind == "float" and not np.isfinite(value):
@@ -285,11 +294,10 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
         modulus = SECOND_FRACTIONS.get(column.name)
         if modulus and not 0 <= value < modulus:
             return f"column {k} ({column.name}) is {text[:30]}, outside 0 to {modulus - 1}"
-    try:
-        norm = float(_norm(_named(row, schema))) if any(c is not None and c.name == "quatangle" for c in schema) else 1.0
-    except KeyError:
-        norm = 1.0
-    return f"the quaternion has the norm {norm:g}" if abs(norm - 1.0) > NORM_REFUSED else ""
+    if not any(c is not None and c.name == "quatangle" for c in schema):
+        return ""
+    norm = float(_norm(_named(row, schema)))
+    return "" if abs(norm - 1.0) <= NORM_REFUSED else f"the quaternion has the norm {norm:g}"
 
 
 def _named(row: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
