@@ -36,6 +36,18 @@ METHODS: dict[str, Method] = {
     "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
     "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
     "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "akf7": Method("#b34700", "#ff9b52", "--", "s", "AKF7 (paper)"),
+    "mekf": Method("#0072b2", "#62b8ee", "-.", "^", "MEKF"),
+    "rts": Method("#00795a", "#2fcf9f", "-", "o", "MEKF + RTS"),
+    "jpl_like": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "JPL-like stand-in"),
+    "imu": Method("#6b6b6b", "#b5b5b5", ":", "x", "gyros (IMU1B-like)"),
+    "sca1": Method("#0072b2", "#62b8ee", "-", "^", "SCA1"),
+    "sca2": Method("#b34700", "#ff9b52", "-", "s", "SCA2"),
+    "sca3": Method("#00795a", "#2fcf9f", "-", "o", "SCA3"),
+    "sca12": Method("#0072b2", "#62b8ee", "--", "^", "SCA12"),
+    "sca13": Method("#b34700", "#ff9b52", "--", "s", "SCA13"),
+    "sca23": Method("#9b4f80", "#e29bc7", "--", "D", "SCA23"),
+    "sca123": Method("#00795a", "#2fcf9f", "-", "o", "SCA123"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 
