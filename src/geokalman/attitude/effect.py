@@ -10,7 +10,7 @@ from geokalman.attitude import pointing
 from geokalman.attitude.estimate import FILTERS
 from geokalman.attitude.flight import Flight, flight, solve
 from geokalman.attitude.model import SATELLITES, SUN, Array, Scenario, Tuning
-from geokalman.constants import R_EARTH
+from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import conjugate, exp, multiply, rotate
 
 Attitudes = Mapping[str, Array]
@@ -58,6 +58,30 @@ def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: 
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (along[1:] + along[:-1]))])
     k = np.arange(0, len(antenna) - step, step)
     return (antenna[k + step] - antenna[k]) / step + integral[k + step // 2]
+
+
+def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
+    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z axis.
+
+    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the orbital
+    frame, integrated by the classical Runge-Kutta method at 10 s.
+    """
+    n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
+
+    def rate(t: float, x: Array) -> Array:
+        up, along = acceleration * np.sin(n * t), acceleration * np.cos(n * t)
+        return np.array([x[2], x[3], 3 * n * n * x[0] + 2 * n * x[3] + up, -2 * n * x[2] + along])
+
+    x, h, largest = np.zeros(4), 10.0, 0.0
+    for k in range(round(duration / h)):
+        t = k * h
+        k1 = rate(t, x)
+        k2 = rate(t + h / 2, x + h / 2 * k1)
+        k3 = rate(t + h / 2, x + h / 2 * k2)
+        k4 = rate(t + h, x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        largest = max(largest, float(np.hypot(x[0], x[1])))
+    return largest
 
 
 def days(

@@ -21,23 +21,24 @@ def _thin(n: int) -> int:
 
 def series_and_spectra(
     t: Array, series: Mapping[str, Array], dt: float, unit: str, scale: float, rows: Sequence[str] = AXES, show_s: float = 0.0,
-    band: tuple[float, float] | None = None, what: str = "",
+    band: tuple[float, float] | None = None, labels: Mapping[str, str] | None = None,
 ) -> Figure:  # fmt: skip
     """One row per component: series against time on the left, its amplitude spectral density on the right.
 
     series : method -> (n, k) with k = len(rows), in SI; scale : factor to `unit`; show_s : span of the left panels [s], 0 for
-    all; band : frequencies shaded on the right. Gaps (NaN) are bridged for the spectrum only.
+    all; band : frequencies shaded on the right; labels : of methods that are not to be called by their own. Gaps (NaN) are bridged for the spectrum only.
     """
     figure, axes = plt.subplots(len(rows), 2, figsize=(7.2, 1.2 + 1.75 * len(rows)), sharex="col", squeeze=False)
     shown = (t - t[0] <= show_s) if show_s else np.ones(len(t), bool)
     for name, values in series.items():
         method = METHODS[name]
         values = values.reshape(len(t), len(rows))
+        label = (labels or {}).get(name, method.label)
         f, density = asd(_bridged(values), dt)
         k = _thin(int(shown.sum()))
         for row in range(len(rows)):
-            axes[row, 0].plot(t[shown][::k] / 3600, scale * values[shown, row][::k], color=method.colour, linewidth=0.6, label=method.label, rasterized=True)
-            axes[row, 1].loglog(f, scale * density[:, row], color=method.colour, linewidth=0.9, label=method.label)
+            axes[row, 0].plot(t[shown][::k] / 3600, scale * values[shown, row][::k], color=method.colour, linewidth=0.6, rasterized=True)
+            axes[row, 1].loglog(f, scale * density[:, row], color=method.colour, linewidth=0.9, label=label)
     for row, word in enumerate(rows):
         axes[row, 0].set_ylabel(f"{word} [{unit}]")
         axes[row, 1].set_ylabel(f"ASD [{unit}/√Hz]")
@@ -45,8 +46,6 @@ def series_and_spectra(
             axes[row, 1].axvspan(*band, color=METHODS["neutral"].colour, alpha=0.15, linewidth=0)
     axes[-1, 0].set_xlabel("time [h]")
     axes[-1, 1].set_xlabel("frequency [Hz]")
-    if what:
-        axes[0, 0].set_title(what, loc="left")
     handles, labels = axes[0, 1].get_legend_handles_labels()
     legend = figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(labels)))
     for line in legend.get_lines():

@@ -191,3 +191,23 @@ def angles_of(trip: Flight, satellite: str, q: Array) -> Array:
     """Pointing angles (n, 3) of attitudes at the whole seconds of the flight."""
     other = SATELLITES[1 - SATELLITES.index(satellite)]
     return pointing.angles(q, trip.r[satellite], trip.r[other])
+
+
+def camera_angles(trip: Flight, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]], calibrate: bool = False) -> dict[str, Array]:
+    """Pointing angles (n, 3) [rad] at whole seconds of single cameras or combinations, at epochs at which all three see (else NaN).
+
+    uses : e.g. [(1,), (2,), (1, 2, 3)]; the result has the names sca1, sca2, sca123.
+    """
+    raw = trip.raw[satellite]
+    q = in_satellite_axes(raw)
+    if calibrate:
+        q, _ = cameras.calibrate_mounting(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso)
+    out = {}
+    for use in uses:
+        combined = cameras.at_seconds(cameras.combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso, use))
+        everyone = cameras.at_seconds(cameras.combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso))
+        keep = (combined.t > trip.t[0] - 0.1) & (combined.t < trip.t[-1] + 0.1)
+        values = angles_of(trip, satellite, combined.q[keep])
+        values[everyone.used[keep] != 7] = np.nan
+        out["sca" + "".join(map(str, use))] = values
+    return out
