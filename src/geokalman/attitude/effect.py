@@ -104,7 +104,8 @@ def days(
         for name, (one, other) in pairs.items():
             series = range_rate_difference(trip, one, other, true, step)
             series[: first // step + 1] = series[first // step + 1]  # the filters start with the first camera
-            parts.setdefault(name, []).append(series)
+            before = parts.setdefault(name, [])
+            before.append(series + before[-1][-1] - series[0] if before else series)  # no jump where the days meet
     return {name: np.concatenate(series) for name, series in parts.items()}
 
 

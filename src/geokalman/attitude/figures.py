@@ -28,7 +28,7 @@ def series_and_spectra(
     series : method -> (n, k) with k = len(rows), in SI; scale : factor to `unit`; show_s : span of the left panels [s], 0 for
     all; band : frequencies shaded on the right; labels : of methods that are not to be called by their own. Gaps (NaN) are bridged for the spectrum only.
     """
-    figure, axes = plt.subplots(len(rows), 2, figsize=(7.2, 1.2 + 1.75 * len(rows)), sharex="col", squeeze=False)
+    figure, axes = plt.subplots(len(rows), 2, figsize=(7.2, 1.6 + 1.65 * len(rows)), sharex="col", squeeze=False)
     shown = (t - t[0] <= show_s) if show_s else np.ones(len(t), bool)
     for name, values in series.items():
         method = METHODS[name]
@@ -46,8 +46,8 @@ def series_and_spectra(
             axes[row, 1].axvspan(*band, color=METHODS["neutral"].colour, alpha=0.15, linewidth=0)
     axes[-1, 0].set_xlabel("time [h]")
     axes[-1, 1].set_xlabel("frequency [Hz]")
-    handles, labels = axes[0, 1].get_legend_handles_labels()
-    legend = figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(labels)))
+    handles, shown_labels = axes[0, 1].get_legend_handles_labels()
+    legend = figure.legend(handles, shown_labels, loc="outside upper center", ncols=2 if max(map(len, shown_labels)) > 24 else 4)
     for line in legend.get_lines():
         line.set_linewidth(2)
     return figure
@@ -77,6 +77,7 @@ def bars(groups: Mapping[str, Sequence[float]], errors: Mapping[str, Sequence[fl
         if printed and name in printed:
             axes.hlines(printed[name], x - 0.45 * width, x + 0.45 * width, color=ink(), linestyle="--", linewidth=1.4,
                         label="printed" if "printed" not in axes.get_legend_handles_labels()[1] else None)
+    axes.set_axisbelow(True)
     axes.set_xticks(range(len(names)), names)
     axes.set_ylabel(ylabel)
     axes.legend(loc="upper left", bbox_to_anchor=(0, 1.2), ncols=4)
@@ -136,7 +137,7 @@ def weights(ks: Sequence[float], errors: Array, true_k: float) -> Figure:
 
 
 def gyro_chain(t: Array, wrapped: Array, unwrapped: Array, t_parity: Array, parity: Array) -> Figure:
-    """Filtered angle of an axis as it comes and unwrapped [deg], and the parity residual of the four axes [rad]."""
+    """Filtered angle of an axis as it comes and unwrapped [deg], and its parity residual (m,) [rad]."""
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.2, 4.4), sharex=True)
     k = _thin(len(t))
     upper.plot(t[::k] / 3600, wrapped[::k], ".", markersize=1.5, color=METHODS["sca2"].colour, label="as it comes")
@@ -144,13 +145,8 @@ def gyro_chain(t: Array, wrapped: Array, unwrapped: Array, t_parity: Array, pari
     upper.set_ylabel("filtered angle [deg]")
     upper.legend(loc="center left")
     k = _thin(len(t_parity))
-    for i in range(parity.shape[1]):
-        method = METHODS[("sca1", "sca2", "sca3", "neutral")[i]]
-        lower.plot(t_parity[::k] / 3600, 1e9 * parity[::k, i], color=method.colour, linewidth=0.4, alpha=0.7, label=f"axis {i + 1}", rasterized=True)
+    lower.plot(t_parity[::k] / 3600, 1e9 * parity[::k], color=METHODS["neutral"].colour, linewidth=0.4, rasterized=True)
     lower.set(xlabel="time [h]", ylabel="parity residual [nrad]")
-    legend = lower.legend(loc="upper right", ncols=4)
-    for line in legend.get_lines():
-        line.set_linewidth(2)
     return figure
 
 
