@@ -158,7 +158,7 @@ def solved(
     if "akf7" in wanted:
         solutions["akf7"] = estimate.akf7(at_8_hz, tuning, tuning.apm_factor, stride=GYRO_HZ // hz)
     if "akf7_iso" in wanted:
-        r = 0.5 * float(np.sqrt(np.nanmean(np.einsum("kii->ki", combined.cov))))
+        r = 0.5 * float(np.nanmean(np.sqrt(np.einsum("kii->ki", combined.cov))))
         solutions["akf7_iso"] = estimate.akf7(at_8_hz, tuning, tuning.apm_factor, stride=GYRO_HZ // hz, isotropic=r)
     seconds, mean_rates = gyro.mean_rates(increments)
     rates = np.full((len(epochs), 3), np.nan)
