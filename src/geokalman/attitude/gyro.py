@@ -89,7 +89,7 @@ def parity_fault(parity: Array, sigma: float, satellite: str, samples: int = GYR
     """Index of the increment at which a gyro fault begins, or None: the parity number stays above 6 sigma for 1 s.
 
     parity : (n, 4) [rad]; sigma : standard deviation of one component's sound residual [rad], its median taken off (the biases
-    of the gyros leave a constant). Four axes leave one parity number, the component along the null vector of H'.
+    of the gyros leave a constant; a fault must be shorter than half the series). Four axes leave one parity number, the component along the null vector of H'.
     """
     null = np.linalg.svd(gyro_matrix(satellite))[0][:, 3]
     series = parity @ null
