@@ -241,6 +241,8 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
     """Columns of sound records. Raises ValueError, without saying which, where one is not; `_fault` says why."""
     if not lines:
         return {c.name: _empty(c) for c in schema if c is not None}
+    if not all(map(str.isascii, lines)):  # numpy takes some letters of other scripts for digits
+        raise ValueError
     kinds = {"int": "i8", "float": "f8"}
     dtype = [(f"{k}", kinds.get(c.kind, f"U{LONGEST + 1}") if c else f"U{LONGEST + 1}") for k, c in enumerate(schema)]
     table = np.loadtxt(lines, dtype=dtype, comments=None, ndmin=1)
@@ -279,6 +281,8 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
     for k, (column, text) in enumerate(zip(schema, row, strict=True), 1):
         if len(text) > LONGEST:
             return f"column {k} is {len(text)} characters long, {text[:30]!r}..."
+        if not text.isascii():
+            return f"column {k} is {text[:30]!r}, not ASCII"
         if column is None:
             continue
         form = FORMS.get(column.kind)
