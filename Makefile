@@ -13,9 +13,10 @@ NB ?=
 P ?=
 QUICK ?=
 OUT ?=
+REASON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference run notebooks lab bench coverage lock clean
+.PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
 
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
@@ -28,15 +29,16 @@ book: env ## all notebooks at the papers' scale, and the book: book/_build/html/
 
 test: ## the whole suite, quick notebooks included
 	@$(ENV) test
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(PYTEST)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --mpl $(PYTEST)
 
 check: ## paper-scale results against stored references and claims; the built book in a browser
 	@$(ENV) test
 	$(BIN)/geokalman check
-	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m browser tests/book
+	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m browser tests/book
 
-reference: env ## renew the stored references and print what changed
-	@$(BIN)/geokalman reference
+reference: env ## renew the stored references, print what changed: make reference REASON="why" [NB=paper/notebook]
+	@test -n "$(REASON)" || { echo 'A renewed reference needs a reason, as in: make reference REASON="why the numbers moved"'; exit 2; }
+	@$(BIN)/geokalman reference --reason "$(REASON)" $(NB)
 
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
 	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }
@@ -52,11 +54,14 @@ lab: ## the notebooks in JupyterLab
 
 bench: ## speed, beside the peers; never a gate
 	@$(ENV) test
-	$(BIN)/python -m pytest tests/benchmarks -o python_files='bench_*.py' -s
+	@for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 coverage: ## how much of src the tests execute, with compilation off
 	@$(ENV) test
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+
+picture: env ## renew the README's picture from the built book
+	@$(BIN)/python tools/picture.py
 
 lock: ## compile the locks anew from environment*.in (needs uv)
 	sh tools/lock.sh $(UV)

@@ -26,7 +26,13 @@ ALLOWED = {
     "sources": set(),
     "": {"sources"},  # the package itself
 }
-OUTSIDE = {"kalman": {"numpy", "scipy", "numba"}, "style": {"matplotlib"}, "sources": set(), "files": set(), "constants": set()}
+OUTSIDE = {
+    "kalman": {"numpy", "scipy", "numba"},
+    "style": {"matplotlib"},
+    "sources": set(),
+    "files": set(),
+    "constants": set(),
+}
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 
@@ -63,9 +69,13 @@ def test_imports_run_downward(path):
     assert own(path) <= ALLOWED[part]
 
 
-@pytest.mark.parametrize("path", [p for p in MODULES if part_of(p) in OUTSIDE], ids=lambda p: str(p.relative_to(PACKAGE)))
+@pytest.mark.parametrize(
+    "path", [p for p in MODULES if part_of(p) in OUTSIDE], ids=lambda p: str(p.relative_to(PACKAGE))
+)
 def test_what_stands_low_stands_on_little(path):
-    outside = {name.split(".")[0] for name in imports(path)} - {"geokalman", "__future__"} - set(sys.stdlib_module_names)
+    outside = (
+        {name.split(".")[0] for name in imports(path)} - {"geokalman", "__future__"} - set(sys.stdlib_module_names)
+    )
     assert outside <= OUTSIDE[part_of(path)]
 
 
@@ -100,6 +110,11 @@ def test_the_rule_itself_bites(tmp_path, monkeypatch):
     monkeypatch.setitem(globals(), "PACKAGE", tmp_path)
     (tmp_path / "kalman").mkdir()
     (tmp_path / "grace").mkdir()
-    for text in ("from geokalman import grace", "import geokalman.grace.model", "from ..grace import model", "def f():\n    from .. import grace"):
+    for text in (
+        "from geokalman import grace",
+        "import geokalman.grace.model",
+        "from ..grace import model",
+        "def f():\n    from .. import grace",
+    ):
         (tmp_path / "kalman" / "x.py").write_text(text)
         assert own(tmp_path / "kalman" / "x.py") == {"grace"}, text

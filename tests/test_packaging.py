@@ -83,7 +83,18 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "src", clone / "src", ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone / name)
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(tmp_path), "."]
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "--wheel-dir",
+        str(tmp_path),
+        ".",
+    ]
     subprocess.run(command, cwd=clone, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
@@ -93,7 +104,10 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
     away.mkdir()
     zipfile.ZipFile(wheel).extractall(away)
     code = "from geokalman import files; files.data_path('egm96.npz')"
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("GEOKALMAN")} | {"PYTHONPATH": str(away), "XDG_CACHE_HOME": str(away)}
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("GEOKALMAN")} | {
+        "PYTHONPATH": str(away),
+        "XDG_CACHE_HOME": str(away),
+    }
     done = subprocess.run([sys.executable, "-c", code], cwd=away, env=environment, capture_output=True, text=True)
     assert done.returncode == 1
     assert "the installed package carries the algorithms alone" in done.stderr
@@ -113,7 +127,9 @@ def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
     (venv / "bin/geokalman").chmod(0o755)
 
     def make(*words: str) -> subprocess.CompletedProcess:
-        return subprocess.run(["make", "-s", f"VENV={venv}", "PYTHON=true", *words], cwd=ROOT, capture_output=True, text=True)
+        return subprocess.run(
+            ["make", "-s", f"VENV={venv}", "PYTHON=true", *words], cwd=ROOT, capture_output=True, text=True
+        )
 
     refused = make("run")
     assert refused.returncode == 2 and "Name a notebook, as in: make run NB=" in refused.stdout
@@ -149,7 +165,9 @@ def tool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(module.venv, "create", create)
-    monkeypatch.setattr(module, "pip", lambda python, *words: module.diary.append(Path(words[-1]).name if "-r" in words else "package"))
+    monkeypatch.setattr(
+        module, "pip", lambda python, *words: module.diary.append(Path(words[-1]).name if "-r" in words else "package")
+    )
     return module
 
 
@@ -191,6 +209,7 @@ def test_an_environment_that_was_moved_is_made_anew(tool, tmp_path: Path) -> Non
 def test_only_the_locked_pythons_are_taken(tool) -> None:
     assert [tool.unsupported(version) for version in ((3, 11), (3, 12), (3, 13))] == [None] * 3
     assert tool.unsupported((3, 10)) == (
-        "python3 is 3.10; the locked packages are for 3.11 to 3.13. Name one of these, as in: make env PYTHON=python3.13"
+        "python3 is 3.10; the locked packages are for 3.11 to 3.13. "
+        "Name one of these, as in: make env PYTHON=python3.13"
     )
     assert "python3 is 3.14" in tool.unsupported((3, 14))

@@ -7,6 +7,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+
 from geokalman import sources
 
 KERNEL = """
@@ -49,13 +50,26 @@ def test_imports_of_every_form():
         from geokalman import style
     """
     found = sources.imported_modules(textwrap.dedent(text), package="geokalman.reproduce")
-    assert found >= {"geokalman", "geokalman.files", "geokalman.constants", "geokalman.sources", "geokalman.style", "geokalman.reproduce.errors"}
+    assert found >= {
+        "geokalman",
+        "geokalman.files",
+        "geokalman.constants",
+        "geokalman.sources",
+        "geokalman.style",
+        "geokalman.reproduce.errors",
+    }
     assert "geokalman.__version__" not in found and "geokalman.reproduce.sibling" not in found
 
 
 def test_closure_holds_packages_on_the_way_and_itself():
     found = sources.closure({"geokalman.reproduce.atomic"})
-    wanted = {"geokalman", "geokalman.sources", "geokalman.reproduce", "geokalman.reproduce.atomic", "geokalman.reproduce.errors"}
+    wanted = {
+        "geokalman",
+        "geokalman.sources",
+        "geokalman.reproduce",
+        "geokalman.reproduce.atomic",
+        "geokalman.reproduce.errors",
+    }
     assert wanted <= found
     assert not any(name.startswith("geokalman.grace") for name in found)
 
@@ -111,7 +125,9 @@ def test_an_edited_kernel_never_runs_from_a_stale_cache(package_copy, tmp_path):
         assert (first[1], again[1]) == ("0", "1")  # the cache works at all
     stat = kernel.stat()
     kernel.write_text(KERNEL.format(2))
-    os.utime(kernel, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # numba itself looks at time and size only: both as before
+    os.utime(
+        kernel, ns=(stat.st_atime_ns, stat.st_mtime_ns)
+    )  # numba itself looks at time and size only: both as before
     assert kernel.stat().st_size == stat.st_size
     assert in_copy(package_copy, CALL, **cache)[0] == "30.0"
     kernel.write_text(KERNEL.format(1))
@@ -122,7 +138,8 @@ def test_a_child_process_keeps_its_parents_home_of_the_cache(package_copy, tmp_p
     code = """
 import os, subprocess, sys, geokalman
 child = "import os, geokalman; print(os.environ['NUMBA_CACHE_DIR'])"
-print(os.environ["NUMBA_CACHE_DIR"], subprocess.run([sys.executable, "-c", child], capture_output=True, text=True).stdout)
+done = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True)
+print(os.environ["NUMBA_CACHE_DIR"], done.stdout)
 """
     mine, childs = in_copy(package_copy, code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert mine == childs and Path(mine).parent == tmp_path / "cache"

@@ -33,7 +33,8 @@ def main() -> None:
         sys.exit(refuse)
     unknown = [extra for extra in options.extras if not lock_file(extra).is_file()]
     if unknown:
-        sys.exit(f"There is no {lock_file(unknown[0]).name}; the locks are {', '.join(sorted(p.name for p in ROOT.glob('environment*.txt')))}.")
+        there = ", ".join(sorted(path.name for path in ROOT.glob("environment*.txt")))
+        sys.exit(f"There is no {lock_file(unknown[0]).name}; the locks are {there}.")
     with alone(options.venv):
         bring_up_to_date(options.venv.resolve(), options.extras)
 
@@ -95,7 +96,7 @@ def pip(python: Path, *words: str) -> None:
     """Run `pip install`, quietly; its errors are shown, and end this program."""
     command = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-input", *words]
     if subprocess.run(command, cwd=ROOT).returncode:
-        sys.exit("pip could not install that (its words stand above); nothing else was changed. Call make again to resume.")
+        sys.exit("pip could not install that; its words stand above. Call make again to resume.")
 
 
 def digest(path: Path) -> str:

@@ -12,7 +12,10 @@ _PARTS = ("tex-chtml.js", "output/chtml/fonts/woff-v2", "input/tex/extensions", 
           "sre/mathmaps/en.json")  # fmt: skip
 _PRELOADED_FONT = re.compile(r'^\s*<link rel="preload" as="font".*>\n', re.M)  # blocked over file://, and not needed
 _MENDED = (  # what the theme leaves without a name or with a role of old
-    ('<summary><span class="toctree-toggle"', '<summary aria-label="Show or hide sections"><span class="toctree-toggle"'),
+    (
+        '<summary><span class="toctree-toggle"',
+        '<summary aria-label="Show or hide sections"><span class="toctree-toggle"',
+    ),
     ('role="doc-biblioentry"', 'role="listitem"'),
 )
 _UNWANTED = ("://", "thebe", "require.min.js")
@@ -43,7 +46,7 @@ def _unwanted(item) -> bool:
 
 
 def tidy_pages(app, exception) -> None:
-    """Take the preloading of fonts out of the finished pages, mend roles and names, and drop the theme's debugging maps."""
+    """Mend the finished pages: no preloading of fonts, roles and names that hold; debugging maps go."""
     if exception or app.builder.format != "html":
         return
     for page in Path(app.outdir).rglob("*.html"):

@@ -38,7 +38,7 @@ class VerdictBadge(SphinxTransform):
     default_priority = 220
 
     def apply(self) -> None:
-        for entry in self.document.findall(nodes.entry):
+        for entry in [e for body in self.document.findall(nodes.tbody) for e in body.findall(nodes.entry)]:
             word = entry.astext().strip()
             if word not in _VERDICTS:
                 continue

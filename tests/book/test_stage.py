@@ -51,21 +51,40 @@ def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> 
 def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) -> None:
     prose = text(toy_root, "markdown")
     assert "```{table} Two methods.\n:name: rms\n\n| method | rms / m |\n| --- | ---: |\n" in prose
-    assert "| EKF | 0.8 \\| 0.9 |" in prose
+    assert "| EKF | 0.8 \\| 9.0\u00a0×\u00a010⁻¹ |" in prose
     assert "{download}`Data (CSV) <01-wave.files/rms.csv>`" in prose
+
+
+def test_the_reason_of_a_verdict_stands_below_the_claim(toy_root: Path) -> None:
+    assert (
+        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n| --- | --- | --- |\n"
+        "| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
+    ) in text(toy_root, "markdown")
+
+
+def test_an_echoed_value_is_not_shown(toy_root: Path) -> None:
+    echo = nbformat.v4.new_output("execute_result", data={"text/plain": "1.2345"}, execution_count=1)
+    rerecord(toy_root, lambda notebook: notebook.cells[3].outputs.append(echo))
+    assert "1.2345" not in json.dumps(staged(toy_root))
 
 
 def test_a_figure_without_data_offers_none(toy_root: Path) -> None:
     def without(notebook) -> None:
-        record = next(o.data[toybook.FIGURE_TYPE] for c in notebook.cells for o in c.get("outputs", []) if toybook.FIGURE_TYPE in o.get("data", {}))
+        record = next(
+            o.data[toybook.FIGURE_TYPE]
+            for c in notebook.cells
+            for o in c.get("outputs", [])
+            if toybook.FIGURE_TYPE in o.get("data", {})
+        )
         del record["files"]["csv"]
 
     rerecord(toy_root, without)
-    assert "wave.csv" not in text(toy_root, "markdown")
+    assert "files/wave.csv" not in text(toy_root, "markdown")
 
 
 def test_each_notebook_has_a_label_of_its_own_for_its_verdicts() -> None:
-    assert stage.label("toy/01-wave", "verdicts") == "verdicts-toy-01-wave"
+    assert stage.label("toy/01-wave", "verdicts-01-wave") == "verdicts-toy-01-wave"
+    assert stage.label("boat/01-wave", "verdicts-01-wave") == "verdicts-boat-01-wave"
     assert stage.label("toy/01-wave", "wave") == "wave"
 
 
@@ -75,14 +94,18 @@ def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
     assert "quick" not in sources
     assert "nb.finish()" not in sources
     assert all("hide-input" in cell.metadata.tags for cell in code)
-    assert code[0].source.startswith("frequency = 2.0") and "Notebook(" in code[0].source and "nb.figure" in code[0].source
+    assert (
+        code[0].source.startswith("frequency = 2.0") and "Notebook(" in code[0].source and "nb.figure" in code[0].source
+    )
     assert code[0].metadata.mystnb.code_prompt_show == "Parameters: show"
     assert [o.text for cell in code for o in cell.outputs] == ["x" * 200 + "\n", "the end\n"]
 
 
 def test_an_author_may_show_a_cell(toy_root: Path) -> None:
     rerecord(toy_root, lambda notebook: notebook.cells[4].metadata.update(tags=["show-input"]))
-    shown = [cell for cell in staged(toy_root).cells if cell.cell_type == "code" and "hide-input" not in cell.metadata.tags]
+    shown = [
+        cell for cell in staged(toy_root).cells if cell.cell_type == "code" and "hide-input" not in cell.metadata.tags
+    ]
     assert [cell.source for cell in shown] == ["nb.figure('wave', draw)"]
 
 
@@ -111,7 +134,7 @@ def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
 
 
 def test_run_times_and_the_package_list(toy_root: Path) -> None:
-    assert "| [A wave](/toy/01-wave.md) | 1.5 |\n| all | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
+    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
     module = toy_root / "src/geokalman/part.py"
     module.parent.mkdir(parents=True)
     module.write_text(
@@ -140,6 +163,12 @@ def test_what_is_missing_is_named(toy_root: Path) -> None:
         stage.stage(toy_root)
 
 
+def test_a_notebook_outside_the_contents_is_named(toy_root: Path) -> None:
+    shutil.copyfile(toy_root / f"book/{toybook.PAGE}.md", toy_root / "book/toy/02-tiny.md")
+    with pytest.raises(stage.StageError, match=r"^book/toy/02-tiny\.md is not in book/_toc\.yml; add it there\.$"):
+        stage.stage(toy_root)
+
+
 def test_the_site_is_whole_or_the_last_one(toy_root: Path) -> None:
     site = stage.stage(toy_root)
     before = tree(site)
@@ -163,7 +192,11 @@ def test_pages_that_left_the_book_leave_the_site(toy_root: Path) -> None:
 
 def tree(folder: Path) -> dict[str, str]:
     """Path -> SHA-256 of all files below a folder."""
-    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {
+        p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(folder.rglob("*"))
+        if p.is_file()
+    }
 
 
 def test_the_page_of_a_notebook_in_html(toy_root: Path) -> None:
@@ -172,7 +205,7 @@ def test_the_page_of_a_notebook_in_html(toy_root: Path) -> None:
     assert page.count('class="dark-light twin-light"') >= 1 and page.count('class="dark-light twin-dark"') >= 1
     assert page.count("<figcaption>") == page.count("</figcaption>") == 1
     assert '<span class="verdict verdict-calibrated">calibrated</span>' in page
-    assert "Figure 1" in page and "Table 1" in page
+    assert "Figure 1 " in page and "Table 2 " in page  # the first table is that of the paper's claims
     assert 'rel="preload" as="font"' not in page
     assert "://" not in "".join(line for line in page.splitlines() if "<script" in line or "<link" in line)
 

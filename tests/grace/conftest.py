@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import matplotlib
@@ -29,11 +30,17 @@ class Flight(NamedTuple):
     data: Observations
 
 
-def fly(**changes) -> Flight:
+def _fly(**changes) -> Flight:
     scenario = Scenario(**changes)
     gravity = scenario.gravity()
     orbit = simulate.orbit_pair(scenario, gravity)
     return Flight(scenario, gravity, orbit, simulate.observe(orbit, gravity))
+
+
+@pytest.fixture(scope="session")
+def fly() -> Callable[..., Flight]:
+    """The function that flies a scenario."""
+    return _fly
 
 
 def needs_compilation() -> None:
@@ -44,21 +51,21 @@ def needs_compilation() -> None:
 @pytest.fixture(scope="session")
 def tiny() -> Flight:
     """Two hours at degree 4: quick enough for plain Python."""
-    return fly(days=2 / 24, n_max=4)
+    return _fly(days=2 / 24, n_max=4)
 
 
 @pytest.fixture(scope="session")
 def quick() -> Flight:
     """Config QUICK: degree 30, 5 days."""
     needs_compilation()
-    return fly(days=5.0, n_max=30)
+    return _fly(days=5.0, n_max=30)
 
 
 @pytest.fixture(scope="session")
 def mid() -> Flight:
     """Config MID: degree 70, 5 days."""
     needs_compilation()
-    return fly(days=5.0, n_max=70)
+    return _fly(days=5.0, n_max=70)
 
 
 @pytest.fixture(scope="session")

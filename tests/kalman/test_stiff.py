@@ -119,7 +119,7 @@ def test_unscented_filter_does_not_drift_from_the_linear_one(long_pair, close):
 
 
 def test_tight_weights_keep_smoothed_covariances_positive():
-    """The spec's tight weights (q = 1e-6, 1e-6 m/s): P + C (P_next - P_predicted) C' has lost its sign here before."""
+    """Tight weights (q = 1e-6, 1e-6 m/s): P + C (P_next - P_predicted) C' has lost its sign here before."""
     pair = Pair(300, [1e-4, 1e-6, 1e-8], q=1e-6, gap=False)
     for sequential in (True, False):
         run = pair.filter(sequential)

@@ -16,7 +16,9 @@ jupytext:
 kernelspec: {display_name: Python 3, language: python, name: python3}
 ---
 """
-LINE = HEADER + r"""
+LINE = (
+    HEADER
+    + r"""
 # A straight line
 
 With slope $s$, see {numref}`line`:
@@ -60,7 +62,8 @@ def draw(t, y):
 t = np.arange(nb.params.n, dtype=float)
 nb.array("line.y", slope * t, "m")
 nb.record("line.mean", (slope * t).mean(), "m")
-nb.figure("line", draw, t, slope * t, caption="A line, $y = s t$.", alt="A rising line.", data={"t_s": t, "y_m": slope * t})
+data = {"t_s": t, "y_m": slope * t}
+nb.figure("line", draw, t, slope * t, caption="A line, $y = s t$.", alt="A rising line.", data=data)
 nb.table("numbers", ["what", "value [m]"], [["mean", (slope * t).mean()]], caption="Its numbers.")
 ```
 
@@ -69,7 +72,10 @@ nb.verdicts()
 nb.finish()
 ```
 """
-CONSTANT = HEADER + """
+)
+CONSTANT = (
+    HEADER
+    + """
 # A constant
 
 ```{code-cell} ipython3
@@ -95,6 +101,7 @@ nb.record("quotient", quotient)
 nb.finish()
 ```
 """
+)
 CLAIMS = """
 - id: mean
   where: Table 1

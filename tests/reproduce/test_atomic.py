@@ -4,6 +4,7 @@ import errno
 import os
 
 import pytest
+
 from geokalman.reproduce import atomic
 from geokalman.reproduce.errors import Fault
 
@@ -19,7 +20,12 @@ def test_a_file_that_fails_half_way_leaves_the_old_one(tmp_path):
 
 @pytest.mark.parametrize(
     "number, why",
-    [(errno.ENOSPC, "the disk is full"), (errno.EDQUOT, "quota"), (errno.EACCES, "permission denied"), (errno.EROFS, "read-only")],
+    [
+        (errno.ENOSPC, "the disk is full"),
+        (errno.EDQUOT, "quota"),
+        (errno.EACCES, "permission denied"),
+        (errno.EROFS, "read-only"),
+    ],
 )
 def test_what_the_system_refuses_is_one_sentence(tmp_path, monkeypatch, number, why):
     path = tmp_path / "x.txt"

@@ -3,11 +3,14 @@
 import json
 
 import pytest
+
 from geokalman.reproduce import claims
 from geokalman.reproduce.errors import Fault, Misuse
 
-BASE = {"id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m", "metric": "toy/01-line:x", "accept": {"rel": 0.1},
-        "verdict": "reproduced"}  # fmt: skip
+BASE = {
+    "id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m",
+    "metric": "toy/01-line:x", "accept": {"rel": 0.1}, "verdict": "reproduced",
+}  # fmt: skip
 
 
 def make(**change):
@@ -15,7 +18,9 @@ def make(**change):
 
 
 def metrics(value, unit="m"):
-    return lambda notebook: {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+    return lambda notebook: (
+        {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+    )
 
 
 @pytest.mark.parametrize(
@@ -52,7 +57,10 @@ def test_the_most_critical_word_that_applies(change, ours, verdict):
         ({"left": "toy/01-line:x", "op": ">", "right": "toy/01-line:y"}, "not-reproduced"),
         ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.2}, "not-reproduced"),
         ({"left": "toy/01-line:x", "op": "<=", "right": 2}, "reproduced"),
-        ([{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}], "not-reproduced"),
+        (
+            [{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}],
+            "not-reproduced",
+        ),
     ],
 )
 def test_comparisons(comparisons, verdict):
@@ -61,7 +69,9 @@ def test_comparisons(comparisons, verdict):
 
 
 def test_a_comparison_shows_both_sides():
-    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1})
+    claim = make(
+        metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}
+    )
     assert claims.judge(claim, metrics(2.0)).ours == "2.000 not < 0.1 × 10.00"
 
 
@@ -123,13 +133,20 @@ def test_unknown_paper(toy):
         claims.ledger(toy, "boy")
 
 
+def test_a_key_may_hold_what_a_recorded_name_may():
+    assert make(metric="toy/01-line:a-b.c+d").metrics == ["toy/01-line:a-b.c+d"]
+
+
 def test_which_claims_a_notebook_decides(toy):
     assert [c.id for c in claims.decided_by(toy, "toy/01-line")] == ["mean"]
     assert claims.decided_by(toy, "toy/02-constant") == []  # `steeper` needs both
 
 
 def write_metrics(root, mean):
-    for name, value in (("01-line", {"line.mean": {"value": mean, "unit": "m"}}), ("02-constant", {"quotient": {"value": 3.0, "unit": ""}})):
+    for name, value in (
+        ("01-line", {"line.mean": {"value": mean, "unit": "m"}}),
+        ("02-constant", {"quotient": {"value": 3.0, "unit": ""}}),
+    ):
         path = root / "book" / "_build" / "metrics" / "toy" / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(value))
@@ -137,13 +154,18 @@ def write_metrics(root, mean):
 
 def test_tables_and_readme(toy):
     write_metrics(toy, 49.0)
-    assert "| Table 1: the mean of the line | 49 m | 49.00 m | reproduced | accepted ±0.1 % |" in claims.verdicts_markdown(toy, "toy")
+    first = claims.row(claims.judge_paper(toy, "toy")[0])
+    assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]
     assert claims.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
     assert not claims.readme_agrees(toy)
     (toy / "README.md").write_text(claims.readme_with_block(toy))
     assert claims.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
     write_metrics(toy, 48.0)
     assert not claims.readme_agrees(toy)
+    (toy / "README.md").write_text("# Toy\n\n<!-- verdicts -->\n<!-- /verdicts -->\n\nThe end.\n")  # nothing between yet
+    (toy / "README.md").write_text(claims.readme_with_block(toy))
+    assert claims.readme_agrees(toy)
+    assert (toy / "README.md").read_text().endswith(" |\n<!-- /verdicts -->\n\nThe end.\n")
     assert [e["verdict"] for e in claims.as_json(toy, "toy")] == ["not-reproduced", "reproduced"]
     (toy / "README.md").write_text("no block")
     with pytest.raises(Fault, match="README.md lacks the lines <!-- verdicts -->"):
@@ -153,14 +175,18 @@ def test_tables_and_readme(toy):
 @pytest.mark.parametrize(
     "change, printed, why",
     [
-        ({"printed": 5.26357e-6}, "5.26357 × 10⁻⁶ m", "accepted ±10 %"),
+        ({"printed": 5.26357e-6}, "5.26357\u00a0×\u00a010⁻⁶\u00a0m", "accepted ±10 %"),
         ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
-        ({"printed": 20, "reads": 2.0, "because": "a zero too many"}, "20 m; read as 2 m", "a zero too many; accepted ±10 %"),
+        (
+            {"printed": 20, "reads": 2.0, "because": "a zero too many"},
+            "20\u00a0m; read as 2\u00a0m",
+            "a zero too many; accepted ±10 %",
+        ),
     ],
 )
 def test_a_row_shows_print_reading_and_reason(change, printed, why):
     says, shown, ours, _, reason = claims.row(claims.judge(make(**change), metrics(2.0)))
-    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000 m", why)
+    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000\u00a0m", why)
 
 
 def test_before_anything_was_computed(toy):

@@ -26,7 +26,8 @@ def test_heavy_libraries_are_not_imported_to_list(built):
     import subprocess
     import sys
 
-    code = "import sys, geokalman.reproduce.cli; print(*{'numpy', 'matplotlib', 'papermill', 'numba', 'jupytext', 'pydantic'} & set(sys.modules))"
+    heavy = {"numpy", "matplotlib", "papermill", "numba", "jupytext", "pydantic"}
+    code = f"import sys, geokalman.reproduce.cli; print(*{heavy} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == ""
 
 
@@ -45,14 +46,20 @@ def test_claims(built, geokalman):
     done = geokalman(built, "claims")
     assert "The toy paper" in done.stdout and "steeper" in done.stdout and done.stdout.count("reproduced") >= 2
     told = json.loads(geokalman(built, "claims", "toy", "--json").stdout)
-    assert [(c["id"], c["verdict"], c["expected"]) for c in told] == [("mean", "reproduced", "reproduced"), ("steeper", "reproduced", "reproduced")]
+    assert [(c["id"], c["verdict"], c["expected"]) for c in told] == [
+        ("mean", "reproduced", "reproduced"),
+        ("steeper", "reproduced", "reproduced"),
+    ]
 
 
 @pytest.mark.parametrize(
     "words, sentence",
     [
         (["run", "toy/01-lime"], "geokalman: 'toy/01-lime' is no notebook of the book in "),
-        (["run", "toy/01-line", "slop=3"], "geokalman: slop is no parameter of toy/01-line (did you mean slope?); the valid ones are slope, n, table."),
+        (
+            ["run", "toy/01-line", "slop=3"],
+            "geokalman: slop is no parameter of toy/01-line (did you mean slope?); the valid ones are slope, n, table.",
+        ),
         (["run", "toy/01-line", "slope=3", "slope=4"], "geokalman: slope is given twice"),
         (["run", "toy/01-line", "slope"], "geokalman: 'slope' is no assignment; write name=value, as in days=5."),
         (["run", "toy/01-line", "--out", "README.md"], "README.md is a file; a run is written into a folder"),
@@ -72,7 +79,10 @@ def test_wrong_use_is_one_sentence_and_code_two(built, geokalman, words, sentenc
 
 def test_outside_a_clone(tmp_path, geokalman):
     done = geokalman(tmp_path, "--root", str(tmp_path), "list")
-    assert done.returncode == 1 and "is no clone of geokalman: it lacks book/_config.yml or data/registry.json" in done.stderr
+    assert (
+        done.returncode == 1
+        and "is no clone of geokalman: it lacks book/_config.yml or data/registry.json" in done.stderr
+    )
 
 
 def test_root(built, tmp_path, geokalman):
@@ -95,6 +105,9 @@ def test_twins(toy, geokalman):
     notebook["cells"][0]["source"] = ["mine"]
     twin.write_text(json.dumps(notebook))
     done = geokalman(toy, "notebooks")
-    assert done.returncode == 2 and "book/toy/01-line.ipynb was edited; move it away, or overwrite it with --force." in done.stderr
+    assert (
+        done.returncode == 2
+        and "book/toy/01-line.ipynb was edited; move it away, or overwrite it with --force." in done.stderr
+    )
     assert "mine" in twin.read_text()
     assert geokalman(toy, "notebooks", "--force").returncode == 0 and '"mine"' not in twin.read_text()

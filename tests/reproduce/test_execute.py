@@ -11,6 +11,7 @@ import time
 import nbformat
 import numpy as np
 import pytest
+
 from geokalman.reproduce import execute, notebooks, page
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
@@ -34,7 +35,8 @@ def test_run_folder(ran):
     assert done.stdout.splitlines()[-1] == str(folder)
     inside = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
     assert inside == [
-        "arrays.npz", "figures/line.csv", "figures/line.dark.png", "figures/line.light.png", "metrics.json", "notebook.ipynb", "page.html",
+        "arrays.npz", "figures/line.csv", "figures/line.dark.png", "figures/line.light.png",
+        "metrics.json", "notebook.ipynb", "page.html",
         "provenance.json", "tables/numbers.csv", "tables/verdicts-01-line.csv",
     ]  # fmt: skip
     assert json.loads((folder / "metrics.json").read_text()) == {"line.mean": {"value": 6.0, "unit": "m"}}
@@ -50,7 +52,11 @@ def test_executed_notebook(ran):
     nbformat.validate(notebook)
     assert [c["id"] for c in notebook.cells] == [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells))]
     text = (folder / "notebook.ipynb").read_text()
-    assert str(folder.parent) not in text and "papermill" not in notebook.metadata and notebook.metadata.kernelspec.name == "python3"
+    assert (
+        str(folder.parent) not in text
+        and "papermill" not in notebook.metadata
+        and notebook.metadata.kernelspec.name == "python3"
+    )
     outputs = [o for c in notebook.cells for o in c.get("outputs", [])]
     assert any("application/vnd.geokalman.figure+json" in o.get("data", {}) for o in outputs)
     injected = [c.source for c in notebook.cells if "injected-parameters" in c.metadata.get("tags", [])]
@@ -61,8 +67,16 @@ def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
     body = text[text.index("<body>") :]
+    assert (
+        "This run differs from the paper's set-up: <code>slope=3.0, n=5</code>. "
+        "The words around the numbers describe the paper's run."
+    ) in body
     assert "A straight line" in body and '<img alt="A rising line." src="data:image/png;base64,' in body
-    assert "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ") and "{numref}" not in body and "$$" not in body
+    assert (
+        "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ")
+        and "{numref}" not in body
+        and "$$" not in body
+    )
     assert "\\tag{1}" in body and "<b>Figure 1.</b> A line, \\(y = s t\\)." in body
     markup = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)[^"']+""", markup) and "@import" not in markup
@@ -132,7 +146,10 @@ def test_no_write_permission(toy):
         execute.run(toy, "toy/02-constant", out=toy / "locked" / "run")
 
 
-@pytest.mark.parametrize("asked, words", [(({}, False), "paper"), (({}, True), "quick"), (({"b": 2, "a": [1, 2]}, True), "quick+a=-1,-2-+b=2-")])
+@pytest.mark.parametrize(
+    "asked, words",
+    [(({}, False), "paper"), (({}, True), "quick"), (({"b": 2, "a": [1, 2]}, True), "quick+a=-1,-2-+b=2-")],
+)
 def test_default_folder_says_what_was_asked(toy, asked, words):
     assert execute.default_out(toy, "toy/01-line", *asked).name.startswith(words)
     one, two = (execute.default_out(toy, "toy/01-line", {"f": f}, False) for f in ("/a/b", "/a-b"))
@@ -141,7 +158,11 @@ def test_default_folder_says_what_was_asked(toy, asked, words):
 
 def test_interrupt_leaves_nothing_half_done(toy, geokalman):
     path = toy / "book" / "toy" / "02-constant.md"
-    path.write_text(path.read_text().replace("half = 0.5", "import os, time; open('../../pid', 'w').write(str(os.getpid())); time.sleep(60)"))
+    path.write_text(
+        path.read_text().replace(
+            "half = 0.5", "import os, time; open('../../pid', 'w').write(str(os.getpid())); time.sleep(60)"
+        )
+    )
     process = geokalman(toy, "run", "toy/02-constant", wait=False)
     end = time.monotonic() + 60
     while not ((toy / "pid").exists() and (toy / "pid").read_text()) and time.monotonic() < end:
@@ -167,7 +188,17 @@ def test_through_papermill_directly(toy):
     env = os.environ | {"JUPYTER_PATH": str(toy / "kernels"), "GEOKALMAN_ROOT": str(toy)}
 
     def papermill(*words):
-        command = [sys.executable, "-m", "papermill", str(line), str(toy / "out.ipynb"), "-k", "toykernel", "--no-progress-bar", *words]
+        command = [
+            sys.executable,
+            "-m",
+            "papermill",
+            str(line),
+            str(toy / "out.ipynb"),
+            "-k",
+            "toykernel",
+            "--no-progress-bar",
+            *words,
+        ]
         return subprocess.run(command, env=env, cwd=toy, capture_output=True, text=True, timeout=120)
 
     done = papermill("-p", "slope", "4")
@@ -178,11 +209,20 @@ def test_through_papermill_directly(toy):
     assert done.returncode != 0 and "slop is no parameter of toy/01-line (did you mean slope?)" in done.stderr
 
 
+def test_a_run_as_the_paper_has_it_needs_no_warning(toy):
+    execute.run(toy, "toy/02-constant", {"value": 3.0}, out=toy / "out")
+    assert "differs from the paper" not in (toy / "out" / "page.html").read_text()
+
+
 def test_prose_of_a_page(toy):
-    (toy / "book" / "references.bib").write_text("@article{k60, author={Kalman, R. E.}, title={A}, year={1960}, journal={J}}\n")
+    (toy / "book" / "references.bib").write_text(
+        "@article{k60, author={Kalman, R. E.}, title={A}, year={1960}, journal={J}}\n"
+    )
     from nbformat.v4 import new_markdown_cell, new_notebook
 
-    text = "# T\n\n:::{note}\nSee {eq}`a` and {cite:p}`k60`, {cite:t}`k60`, [there](/practice/rerun.md).\n:::\n\n```{math}\n:label: a\n\nx = 1\n```\n"
+    text = "## T\n\n:::{note}\nSee {eq}`a` and {cite:p}`k60`, {cite:t}`k60`, [there](/practice/rerun.md).\n:::\n\n"
+    text += "```{math}\n:label: a\n\nx = 1\n```\n"
     found = page.render(notebooks.tidy(new_notebook(cells=[new_markdown_cell(text)]), "toy/x"), toy, "toy/x")
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
     assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain
+    assert "<h2>T</h2>" in found

@@ -5,17 +5,24 @@ import os
 import random
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
+
 from geokalman.reproduce import graph
 
 
 def contents(root: Path) -> dict[str, bytes]:
     """All results of a build but the one file that holds times."""
     made = root / "book" / "_build"
-    return {p.relative_to(made).as_posix(): p.read_bytes() for p in sorted(made.rglob("*")) if p.is_file() and p.name != "provenance.json"}
+    return {
+        p.relative_to(made).as_posix(): p.read_bytes()
+        for p in sorted(made.rglob("*"))
+        if p.is_file() and p.name != "provenance.json"
+    }
 
 
 @pytest.fixture
@@ -47,7 +54,9 @@ def test_two_builds_differ_in_times_only(built, copy, geokalman):
     assert geokalman(copy, "build", "--no-html").returncode == 0
     assert contents(copy) == contents(built)
     for name in ("01-line", "02-constant"):
-        one, two = (json.loads((r / "book/_build/runs/toy" / name / "provenance.json").read_text()) for r in (built, copy))
+        one, two = (
+            json.loads((r / "book/_build/runs/toy" / name / "provenance.json").read_text()) for r in (built, copy)
+        )
         assert {k for k in one | two if one.get(k) != two.get(k)} <= {"finished", "seconds"}
 
 
@@ -66,6 +75,28 @@ def test_what_a_run_depends_on(copy, monkeypatch, path, edit, stale):
     (copy / path).write_text(edit((copy / path).read_text()))
     names = ["toy/01-line", "toy/02-constant"]
     assert [n for n in names if not graph.is_fresh(graph.run_folder(copy, n), graph.key(copy, n))] == stale
+
+
+def test_an_edited_module_makes_stale_what_imports_it(built, package_copy):
+    """Of the two notebooks one imports a module of the package; the module's own import is edited."""
+    root = shutil.copytree(built, package_copy / "clone")
+    line = root / "book" / "toy" / "01-line.md"
+    line.write_text(line.read_text().replace("import numpy as np", "import numpy as np\nfrom geokalman import user"))
+    (package_copy / "geokalman" / "user.py").write_text("from geokalman import used\n")
+    code = (
+        "from pathlib import Path; from geokalman.reproduce import graph; root = Path('clone').resolve(); "
+        "print(graph.key(root, 'toy/01-line'), graph.key(root, 'toy/02-constant'))"
+    )
+
+    def keys(value: int) -> list[str]:
+        (package_copy / "geokalman" / "used.py").write_text(f"x = {value}\n")
+        env = os.environ | {"PYTHONPATH": str(package_copy), "GEOKALMAN_ROOT": str(root)}
+        return subprocess.run(
+            [sys.executable, "-c", code], cwd=package_copy, env=env, capture_output=True, text=True
+        ).stdout.split()
+
+    before, after = keys(1), keys(2)
+    assert len(before) == 2 and before[0] != after[0] and before[1] == after[1]
 
 
 def test_the_locked_environment_counts(copy):
@@ -134,14 +165,19 @@ def test_killed_at_any_moment_and_resumed(toy, geokalman, built, moment):
 
 def test_interrupted_build_is_one_sentence(toy, geokalman):
     path = toy / "book" / "toy" / "02-constant.md"
-    path.write_text(path.read_text().replace("half = 0.5", "import time; open('../../started', 'w').close(); time.sleep(60)"))
+    path.write_text(
+        path.read_text().replace("half = 0.5", "import time; open('../../started', 'w').close(); time.sleep(60)")
+    )
     process = geokalman(toy, "build", "--no-html", wait=False)
     end = time.monotonic() + 60
     while not (toy / "started").exists() and time.monotonic() < end:
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=30)
-    assert process.returncode == 130 and told.strip().splitlines()[-1] == "geokalman: interrupted; what was finished stays."
+    assert (
+        process.returncode == 130
+        and told.strip().splitlines()[-1] == "geokalman: interrupted; what was finished stays."
+    )
     assert "Traceback" not in told
 
 

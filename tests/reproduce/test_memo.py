@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
 from geokalman import sources
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.memo import Memo
@@ -68,6 +69,16 @@ def test_arrays_dictionaries_and_functions_as_arguments(tmp_path):
     assert f.calls == 3
 
 
+def test_a_path_counts_by_its_contents(tmp_path):
+    f = counting(lambda path: path.read_text())
+    kept = Memo(tmp_path / "memo")(f)
+    own = tmp_path / "own.gfc"
+    for text in ("one", "one", "two"):
+        own.write_text(text)
+        assert kept(own) == text
+    assert f.calls == 2
+
+
 def test_ignored_arguments_do_not_enter_the_key(tmp_path):
     f = counting(lambda x, executor=None: x)
     kept = Memo(tmp_path)(f, ignore=("executor",))
@@ -78,7 +89,12 @@ def test_ignored_arguments_do_not_enter_the_key(tmp_path):
 
 @pytest.mark.parametrize(
     "damage",
-    [lambda b: b[:-40], lambda b: b[: len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1 :], lambda b: b"", lambda b: b + b"x"],
+    [
+        lambda b: b[:-40],
+        lambda b: b[: len(b) // 2] + bytes([b[len(b) // 2] ^ 1]) + b[len(b) // 2 + 1 :],
+        lambda b: b"",
+        lambda b: b + b"x",
+    ],
     ids=["truncated", "one bit", "empty", "longer"],
 )
 def test_a_damaged_entry_is_noticed_and_recomputed(tmp_path, damage):
@@ -125,11 +141,11 @@ def test_a_result_larger_than_the_limit_is_kept_alone(tmp_path):
 
 
 def test_disk_full_gives_the_result_all_the_same(tmp_path, monkeypatch):
-    def full(_):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     f = counting(lambda: 5)
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.warns(UserWarning, match="A result was not kept: .*the disk is full"):
         assert Memo(tmp_path)(f)() == 5
     assert not list(tmp_path.glob("*.pickle")) and not list(tmp_path.glob(".*"))
@@ -169,14 +185,18 @@ print(Memo(Path(sys.argv[1]))(caller.work)(2.0))
 
 
 def run_copy(package: Path, memo: Path, wait=True):
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("GEOKALMAN", "NUMBA_CACHE"))} | {"PYTHONPATH": str(package)}
+    env = {k: v for k, v in os.environ.items() if not k.startswith(("GEOKALMAN", "NUMBA_CACHE"))} | {
+        "PYTHONPATH": str(package)
+    }
     process = subprocess.Popen([sys.executable, "-c", CALL, str(memo)], env=env, stdout=subprocess.PIPE, text=True)
     return process.communicate(timeout=60)[0].split() if wait else process
 
 
 def test_an_edited_callee_is_seen_by_its_kept_caller(package_copy, tmp_path):
     (package_copy / "geokalman" / "callee.py").write_text("def f(x):\n    return x + 1\n")
-    (package_copy / "geokalman" / "middle.py").write_text("from geokalman.callee import f\n\n\ndef g(x):\n    return 10 * f(x)\n")
+    (package_copy / "geokalman" / "middle.py").write_text(
+        "from geokalman.callee import f\n\n\ndef g(x):\n    return 10 * f(x)\n"
+    )
     caller = "from geokalman import middle\n\n\ndef work(x):\n    print('computed')\n    return middle.g(x)\n"
     (package_copy / "geokalman" / "caller.py").write_text(caller)
     memo = tmp_path / "memo"
@@ -184,7 +204,9 @@ def test_an_edited_callee_is_seen_by_its_kept_caller(package_copy, tmp_path):
     assert run_copy(package_copy, memo) == ["30.0"]
     (package_copy / "geokalman" / "callee.py").write_text("def f(x):\n    return x + 2\n")
     assert run_copy(package_copy, memo) == ["computed", "40.0"]
-    (package_copy / "geokalman" / "files.py").write_text("# not behind the caller\n" + (package_copy / "geokalman" / "files.py").read_text())
+    (package_copy / "geokalman" / "files.py").write_text(
+        "# not behind the caller\n" + (package_copy / "geokalman" / "files.py").read_text()
+    )
     assert run_copy(package_copy, memo) == ["40.0"]
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from nbformat.v4 import new_code_cell, new_notebook
+
 from geokalman.reproduce import parameters
 from geokalman.reproduce.errors import Fault, Misuse
-from nbformat.v4 import new_code_cell, new_notebook
 
 CELL = """
 days = 30.0         # (0, 400] d: length of the simulation
@@ -31,7 +32,13 @@ def make(cell=CELL, quick=QUICK):
 def test_comment_gives_range_unit_and_help():
     p = make().parameters
     days = p["days"]
-    assert (days.type, days.range, days.unit, days.default, days.help) == ("float", "(0, 400]", "d", 30.0, "length of the simulation")
+    assert (days.type, days.range, days.unit, days.default, days.help) == (
+        "float",
+        "(0, 400]",
+        "d",
+        30.0,
+        "length of the simulation",
+    )
     assert (p["integrator"].range, p["integrator"].help) == ("{gj, dop853, rk45}", "gj is Gauss-Jackson")
     assert [p[k].type for k in ("n_max", "stencils", "radii", "field", "step", "words", "kbr", "argp")] == [
         "int", "list[int]", "list[float]", "path", "float or None", "list[str]", "bool", "float",
@@ -53,6 +60,7 @@ def test_comment_gives_range_unit_and_help():
         ("step=null", None),
         ("step=1e-12", 1e-12),
         ("kbr=false", False),
+        ("words=[]", []),  # the default is empty too
         ("words=[no, 12:30]", ["no", "12:30"]),  # YAML 1.1 would read false and 750
         ("argp=-.5", -0.5),
         ("field=", ""),
@@ -66,8 +74,14 @@ def test_command_line_words(word, value):
 @pytest.mark.parametrize(
     "word, sentence",
     [
-        ("dayz=5", r"dayz is no parameter of toy/x \(did you mean days\?\); the valid ones are days, n_max, integrator, .*argp"),
-        ("days=five", r"days='five' is not float; days must be a number in \(0, 400\] d \(length of the simulation\)\."),
+        (
+            "dayz=5",
+            r"dayz is no parameter of toy/x \(did you mean days\?\); the valid ones are days, n_max, .*argp",
+        ),
+        (
+            "days=five",
+            r"days='five' is not float; days must be a number in \(0, 400\] d \(length of the simulation\)\.",
+        ),
         ("days=true", "days=True is not float"),
         ("days=0", r"days=0 is out of range; days must be a number in \(0, 400\]"),
         ("days=.inf", "days=inf is not finite"),
@@ -76,14 +90,22 @@ def test_command_line_words(word, value):
         ("days=[5]", r"days=\[5\] is not float"),
         ("n_max=5.5", r"n_max=5.5 is not int; n_max must be a whole number in \[2, 360\]"),
         ("n_max=361", "n_max=361 is out of range"),
-        ("integrator=euler", r"integrator='euler' is none of the choices; integrator must be text in \{gj, dop853, rk45\}"),
-        ("stencils=5", r"stencils=5 is not list\[int\]; stencils must be a list, each item a whole number in \[3, 21\]"),
+        (
+            "integrator=euler",
+            r"integrator='euler' is none of the choices; integrator must be text in \{gj, dop853, rk45\}",
+        ),
+        (
+            "stencils=5",
+            r"stencils=5 is not list\[int\]; stencils must be a list, each item a whole number in \[3, 21\]",
+        ),
         ("stencils=[5, 1]", r"stencils\[1\]=1 is out of range"),
         ("stencils=[5, 7", r"stencils=\[5, 7 is no YAML value"),
         ("stencils=abc", r"stencils='abc' is not list\[int\]"),
         ("kbr=1", "kbr=1 is not bool; kbr must be true or false"),
         ("step=0", r"step=0 is out of range; step must be a number in \(0, 600\] s or None"),
-        ("field=missing.gfc", "field=missing.gfc: there is no file .*missing.gfc; field is a path"),
+        ("field=missing.gfc", r"field=missing.gfc: /.*/missing.gfc does not exist; field must be the path of an existing file \(an ICGEM .gfc file\)\."),
+        ("field=/", "field=/: / is a folder; field must be the path of an existing file"),
+        ("stencils=[]", r"stencils = \[\] is empty; give at least one value\."),
         ("days", "'days' is no assignment; write name=value"),
         ("=5", "'=5' is no assignment"),
     ],
@@ -105,13 +127,16 @@ def test_paths_are_relative_to_the_caller(tmp_path):
 
 
 def test_numpy_numbers_become_plain_ones():
-    found = make().check({"days": np.float32(2), "n_max": np.int64(8), "stencils": np.array([5, 9]), "kbr": np.bool_(False)})
+    found = make().check(
+        {"days": np.float32(2), "n_max": np.int64(8), "stencils": np.array([5, 9]), "kbr": np.bool_(False)}
+    )
     assert found == {"days": 2.0, "n_max": 8, "stencils": [5, 9], "kbr": False}
     assert [type(v) for v in found.values()] == [float, int, list, bool]
 
 
 def test_mode():
     spec = make()
+    assert spec.changed(spec.defaults | {"days": 5.0, "stencils": [5, 7]}) == {"days": 5.0}
     assert spec.mode(spec.defaults) == "paper"
     assert spec.mode(spec.defaults | {"days": 5.0}) == "quick"
     assert spec.mode(spec.defaults | {"days": 6.0}) == "custom"

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+
 from geokalman.reproduce import Notebook, display
 from geokalman.reproduce.errors import Fault, Misuse
 
@@ -51,7 +52,10 @@ def test_checks_parameters_and_puts_the_checked_ones_back(toy):
         ({"slope": -1.0}, "slope=-1.0 is out of range"),
         ({"n": "many"}, "n='many' is not int"),
         ({"slope": float("nan")}, "slope=nan is not finite"),
-        ({"In": ["", "x = 1", '# Parameters\nslop = 3.0\n']}, r"slop is no parameter of toy/01-line \(did you mean slope\?\)"),
+        (
+            {"In": ["", "x = 1", "# Parameters\nslop = 3.0\n"]},
+            r"slop is no parameter of toy/01-line \(did you mean slope\?\)",
+        ),
     ],
 )
 def test_wrong_parameters_however_the_notebook_was_started(toy, change, sentence):
@@ -70,25 +74,40 @@ def test_unknown_notebook(toy):
 
 
 def test_record_is_whole(book, toy, capsys):
-    assert book.record("line.mean", np.float64(1.5), "m") == 1.5
+    book.record("line.mean", np.float64(1.5), "m")
     book.record("count", 3)
     book.record("undefined", float("inf"), finite=False)
     book.array("line.y", [1.0, 2.0], "m")
-    book.figure("line", draw, [1.0, 2.0], caption="A line.", alt="A line.", data={"t_s": [0.0, 1 / 3], "word": ["a", "b"]}, colour="C1")
+    book.figure(
+        "line",
+        draw,
+        [1.0, 2.0],
+        caption="A line.",
+        alt="A line.",
+        data={"t_s": [0.0, 1 / 3], "word": ["a", "b"]},
+        colour="C1",
+    )
     book.table("numbers", ["what", "value"], [["a", 1 / 3], ["b", None]], "Numbers.")
     assert not (toy / "out").exists()
     book.finish()
     out = toy / "out"
     assert json.loads((out / "metrics.json").read_text()) == {
-        "line.mean": {"value": 1.5, "unit": "m"}, "count": {"value": 3, "unit": ""}, "undefined": {"value": None, "unit": ""},
+        "line.mean": {"value": 1.5, "unit": "m"}, "count": {"value": 3, "unit": ""},
+        "undefined": {"value": None, "unit": ""},
     }  # fmt: skip
     assert np.load(out / "arrays.npz")["line.y"].tolist() == [1.0, 2.0]
     assert sorted(os.listdir(out / "figures")) == ["line.csv", "line.dark.png", "line.light.png"]
     rows = list(csv.reader((out / "figures" / "line.csv").open()))
     assert rows[0] == ["t_s", "word"] and float(rows[2][0]) == 1 / 3  # the digits read back the same
     told = json.loads((out / "provenance.json").read_text())
-    assert told["mode"] == "paper" and told["parameters"] == DEFAULTS and told["arrays"]["line.y"] == {"shape": [2], "unit": "m"}
-    assert set(told["versions"]) == {"python", "geokalman", "numpy", "scipy", "numba", "matplotlib"} and told["processor"]
+    assert (
+        told["mode"] == "paper"
+        and told["parameters"] == DEFAULTS
+        and told["arrays"]["line.y"] == {"shape": [2], "unit": "m"}
+    )
+    assert (
+        set(told["versions"]) == {"python", "geokalman", "numpy", "scipy", "numba", "matplotlib"} and told["processor"]
+    )
     assert os.uname().nodename not in json.dumps(told) and str(toy) not in json.dumps(told)
     assert sorted(p.name for p in toy.iterdir() if p.name.startswith(".")) == []
     with pytest.raises(Fault, match="is finished"):
@@ -141,9 +160,18 @@ def test_without_a_run_folder_the_record_is_interactive_and_cells_may_be_repeate
         (lambda nb: nb.figure("F", draw, [1], caption="x", alt="x"), "'F' cannot name a record; it must be lower case"),
         (lambda nb: nb.figure("f", draw, [1], caption=" ", alt="x"), "Figure f has an empty caption"),
         (lambda nb: nb.figure("f", draw, [1], caption="x", alt=""), "Figure f has an empty alt"),
-        (lambda nb: nb.figure("f", len, [1], caption="x", alt="x"), "len gave int for figure f; it must return a matplotlib Figure"),
-        (lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [[1]]}), r"Column a of figure f has shape \(1, 1\)"),
-        (lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [1], "b": [1, 2]}), "different lengths, {'a': 1, 'b': 2}"),
+        (
+            lambda nb: nb.figure("f", len, [1], caption="x", alt="x"),
+            "len gave int for figure f; it must return a matplotlib Figure",
+        ),
+        (
+            lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [[1]]}),
+            r"Column a of figure f has shape \(1, 1\)",
+        ),
+        (
+            lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [1], "b": [1, 2]}),
+            "different lengths, {'a': 1, 'b': 2}",
+        ),
         (lambda nb: nb.table("t", ["a"], [[1, 2]], "x"), r"Table t has 1 columns, but a row \(or formats\) of 2"),
         (lambda nb: nb.table("t", ["a"], [[1]], ""), "Table t has an empty caption"),
     ],
@@ -167,13 +195,17 @@ def test_same_figure_same_bytes(book, toy):
     for name in ("one", "two"):
         book.figure(name, draw, [1, 2], caption="x", alt="x")
     book.finish()
-    one, two, dark = ((toy / "out" / "figures" / f"{n}.png").read_bytes() for n in ("one.light", "two.light", "one.dark"))
+    one, two, dark = (
+        (toy / "out" / "figures" / f"{n}.png").read_bytes() for n in ("one.light", "two.light", "one.dark")
+    )
     assert one == two and one != dark and b"tEXt" not in one  # no date, no program
 
 
 def test_data_every_is_kept_in_the_record(book, capsys, monkeypatch, toy):
     t = np.arange(10.0)
-    bundle = shown(capsys, monkeypatch, lambda: book.figure("f", draw, t, caption="x", alt="x", data={"t": t}, data_every=4))
+    bundle = shown(
+        capsys, monkeypatch, lambda: book.figure("f", draw, t, caption="x", alt="x", data={"t": t}, data_every=4)
+    )
     assert bundle[display.FIGURE_TYPE]["data_every"] == 4
     book.finish()
     assert (toy / "out" / "figures" / "f.csv").read_text().split() == ["t", "0.0", "4.0", "8.0"]
@@ -181,31 +213,49 @@ def test_data_every_is_kept_in_the_record(book, capsys, monkeypatch, toy):
 
 def test_table_bundle(book, capsys, monkeypatch, toy):
     rows = [["a|b", -1.23456789e-9, 3, None], ["c", 0.5, True, "x"]]
-    call = lambda: book.table("t", ["what", "value", "n", "note"], rows, "Numbers.", formats=[None, ".2e", None, None])  # noqa: E731
+
+    def call():
+        book.table("t", ["what", "value", "n", "note"], rows, "Numbers.", formats=[None, ".2e", None, None])
+
     bundle = shown(capsys, monkeypatch, call)
     assert '<th scope="col" style="text-align: right">value</th>' in bundle["text/html"]
     assert '<th scope="row" style="text-align: left">a|b</th>' in bundle["text/html"]
     record = bundle[display.TABLE_TYPE]
-    assert record["rows"] == [["a|b", "−1.23 × 10⁻⁹", "3", "–"], ["c", "5.00 × 10⁻¹", "yes", "x"]]
-    assert record["markdown"].splitlines()[2] == "| a\\|b | −1.23 × 10⁻⁹ | 3 | – |"
+    assert record["rows"] == [["a|b", "−1.23\u00a0×\u00a010⁻⁹", "3", "–"], ["c", "5.00\u00a0×\u00a010⁻¹", "yes", "x"]]
+    assert record["markdown"].splitlines()[2] == "| a\\|b | −1.23\u00a0×\u00a010⁻⁹ | 3 | – |"
     book.finish()
     assert "-1.23456789e-09" in (toy / "out" / "tables" / "t.csv").read_text()
 
 
 @pytest.mark.parametrize(
     "value, text",
-    [(5.26357e-7, "5.264 × 10⁻⁷"), (0.0123456, "0.01235"), (-2.5, "−2.500"), (220076.057, "220076"), (1.5e9, "1.500 × 10⁹"), (0, "0"),
+    [(5.26357e-7, "5.264\u00a0×\u00a010⁻⁷"), (0.0123456, "0.01235"), (-2.5, "−2.500"), (220076.057, "220076"),
+     (1.5e9, "1.500\u00a0×\u00a010⁹"), (0, "0"),
      (9.99996, "10.00"), (7, "7"), (-np.inf, "−∞"), (np.nan, "not a number")],
 )  # fmt: skip
 def test_numbers_for_readers(value, text):
     assert display.number(value) == text
 
 
+def test_a_damaged_memo_is_noted_beside_the_notebook_not_in_it(book, toy, capsys):
+    from geokalman.reproduce import atomic
+
+    kept = book.memo(atomic.sweep)
+    kept(toy / "nothing")
+    [entry] = (toy / ".cache" / "memo").glob("*.pickle")
+    entry.write_bytes(b"x")
+    kept(toy / "nothing")
+    book.finish()
+    told = json.loads((toy / "out" / "provenance.json").read_text())
+    assert told["notes"] == ["A kept result was damaged (its checksum does not hold); computing it anew."]
+    assert capsys.readouterr().err == ""
+
+
 def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     book.record("line.mean", 49.01, "m")
     record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
     assert record["name"] == "verdicts-01-line"
-    assert record["rows"] == [["Table 1: the mean of the line", "49 m", "49.01 m", "reproduced", "accepted ±0.1 %"]]
+    assert record["rows"] == [["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]]
     other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]

@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+
 from geokalman.reproduce import check, graph, reference
 from geokalman.reproduce.errors import Fault, Misuse
 
@@ -16,7 +17,9 @@ def make_run(folder, metrics=NUMBERS, arrays=None, mode="paper", notebook="toy/0
     arrays = {"x": np.linspace(0.0, 1.0, 1001)} if arrays is None else arrays
     folder.mkdir(parents=True, exist_ok=True)
     described = {k: {"shape": list(a.shape), "unit": "m"} for k, a in arrays.items()}
-    (folder / "provenance.json").write_text(json.dumps({"notebook": notebook, "mode": mode, "parameters": {}, "arrays": described}))
+    (folder / "provenance.json").write_text(
+        json.dumps({"notebook": notebook, "mode": mode, "parameters": {}, "arrays": described})
+    )
     (folder / "metrics.json").write_text(json.dumps(metrics))
     np.savez(folder / "arrays.npz", **arrays)
     return folder
@@ -70,7 +73,8 @@ def test_arrays_that_move(stored, x, found):
 
 @pytest.mark.parametrize(
     "tolerance, value, good",
-    [({"max": 1e-9}, 9e-10, True), ({"max": 1e-9}, 2e-9, False), ({"min": 0.5}, 0.4, False), ({"factor": 2}, 5e-13, True),
+    [({"max": 1e-9}, 9e-10, True), ({"max": 1e-9}, 2e-9, False), ({"min": 0.5}, 0.4, False),
+     ({"factor": 2}, 5e-13, True),
      ({"factor": 2}, -3e-13, False), ({"abs": 1e-12}, 1.2e-12, True), ({"abs": 1e-12}, 1.4e-12, False)],
 )  # fmt: skip
 def test_tolerances_stand_beside_the_key_and_survive_renewal(stored, tolerance, value, good):
@@ -78,7 +82,9 @@ def test_tolerances_stand_beside_the_key_and_survive_renewal(stored, tolerance, 
     entries = json.loads(path.read_text())
     entries["tiny"] = {"value": 3e-13, "unit": "m/s", **tolerance}
     path.write_text(json.dumps(entries))
-    run = make_run(stored / "other", NUMBERS | {"tiny": {"value": value, "unit": "m/s"}, "a": {"value": 2.0, "unit": "m"}})
+    run = make_run(
+        stored / "other", NUMBERS | {"tiny": {"value": value, "unit": "m/s"}, "a": {"value": 2.0, "unit": "m"}}
+    )
     assert ("tiny" not in problems(stored, run)) == good
     reference.renew(stored, run)
     renewed = json.loads(path.read_text())["tiny"]
@@ -94,7 +100,9 @@ def test_renewing_what_did_not_move_writes_nothing(stored):
 
 def test_quick_runs_have_a_reference_of_their_own(stored):
     run = make_run(stored / "quick", mode="quick")
-    with pytest.raises(Fault, match=r"toy/01-line has no reference at quick scale \(tests/reference/toy/01-line.quick.json\); make one"):
+    with pytest.raises(
+        Fault, match=r"toy/01-line has no reference at quick scale \(tests/reference/toy/01-line.quick.json\); make one"
+    ):
         reference.differences(stored, run)
     reference.renew(stored, run)
     assert problems(stored, run) == {}
@@ -118,11 +126,16 @@ def test_no_run_and_no_readable_reference(stored):
 
 def test_the_reason_goes_into_the_changelog(toy):
     reference.note_reason(toy, "first", 1)
-    assert (toy / "CHANGELOG.md").read_text() == "# Changelog\n\n## Unreleased\n\n- References renewed (1 number moved or new): first\n\n"
+    assert (
+        toy / "CHANGELOG.md"
+    ).read_text() == "# Changelog\n\n## Unreleased\n\n- References renewed (1 number moved or new): first\n\n"
     (toy / "CHANGELOG.md").write_text("# Changelog\n\n## [Unreleased]\n\n- earlier\n\n## 0.1.0\n")
-    reference.note_reason(toy, "a better integrator", 2)
+    reference.note_reason(toy, "better", 2)
     text = (toy / "CHANGELOG.md").read_text()
-    assert text == "# Changelog\n\n## [Unreleased]\n\n- References renewed (2 numbers moved or new): a better integrator\n- earlier\n\n## 0.1.0\n"
+    assert (
+        text == "# Changelog\n\n## [Unreleased]\n\n- References renewed (2 numbers moved or new): better\n"
+        "- earlier\n\n## 0.1.0\n"
+    )
 
 
 ANCHORS = """
@@ -142,7 +155,11 @@ def test_anchors(toy):
     write_anchors(toy)
     found = reference.anchors(toy, "toy")
     assert [a.mode for a in found] == ["book", "book", "quick"]
-    assert [d.problem for d in reference.hold(found, {"line.mean": {"value": 49.04, "unit": "m"}})] == ["", "", "beyond abs 0.1"]
+    assert [d.problem for d in reference.hold(found, {"line.mean": {"value": 49.04, "unit": "m"}})] == [
+        "",
+        "",
+        "beyond abs 0.1",
+    ]
     assert [d.problem for d in reference.hold(found[:1], {})] == ["not recorded"]
     assert reference.anchors(toy, "other") == []
 
@@ -187,14 +204,17 @@ SPOILT = [
     ("tests/reference/toy/02-constant.json", None, "toy/02-constant has no reference at paper scale"),
     ("tests/reference/toy/anchors.yml", lambda t: t.replace("max: 50", "max: 40"),
      "toy/01-line, anchor line.mean: 49.00000 m, stored is nothing m: beyond max 40."),
-    ("tests/reference/toy/anchors.yml", lambda t: t.replace("01-line", "09-gone"), "names toy/09-gone, which is no notebook"),
+    ("tests/reference/toy/anchors.yml", lambda t: t.replace("01-line", "09-gone"),
+     "names toy/09-gone, which is no notebook"),
     ("book/toy/claims.yml", lambda t: t.replace("factor: 10", "factor: 1e3"),
      "claim steeper: not-reproduced (; ours 49.00 not > 1000 × 3.000), expected reproduced."),
     ("book/toy/claims.yml", lambda t: t.replace("verdict: reproduced", "verdict: not-reproduced", 1),
      "claim mean: reproduced (accepted ±0.1 %; ours 49.0), expected not-reproduced."),
-    ("README.md", lambda t: t.replace("| 2 | 2 |", "| 2 | 1 |"), "README.md: its verdicts are not those of the ledgers"),
+    ("README.md", lambda t: t.replace("| 2 | 2 |", "| 2 | 1 |"),
+     "README.md: its verdicts are not those of the ledgers"),
     ("book/_build/runs/toy/01-line/provenance.json", None, "toy/01-line has no run in the book"),
-    ("book/_build/runs/toy/01-line/figures/line.csv", lambda t: t + "1,2\n", "its run is older than its sources, or damaged"),
+    ("book/_build/runs/toy/01-line/figures/line.csv", lambda t: t + "1,2\n",
+     "its run is older than its sources, or damaged"),
 ]  # fmt: skip
 
 
@@ -209,7 +229,10 @@ def test_check_finds_what_moved(good, tmp_path, monkeypatch, path, edit, sentenc
     assert any(sentence in problem for problem in check.check(root).problems), check.check(root).problems
 
 
-@pytest.mark.parametrize("reason, sentence", [([], "references are renewed for a reason"), (["--reason", "x", "toy/03"], "'toy/03' is no notebook")])
+@pytest.mark.parametrize(
+    "reason, sentence",
+    [([], "references are renewed for a reason"), (["--reason", "x", "toy/03"], "'toy/03' is no notebook")],
+)
 def test_no_renewal_without_reason_or_notebook(good, geokalman, reason, sentence):
     done = geokalman(good, "reference", *reason)
     assert done.returncode == 2 and sentence in done.stderr
@@ -219,4 +242,6 @@ def test_no_renewal_from_an_old_run(good, tmp_path, geokalman):
     root = shutil.copytree(good, tmp_path / "clone")
     shutil.rmtree(graph.run_folder(root, "toy/01-line"))
     done = geokalman(root, "reference", "--reason", "x", "--no-quick")
-    assert done.returncode == 2 and "toy/01-line has no run from the present sources; make book executes it" in done.stderr
+    assert (
+        done.returncode == 2 and "toy/01-line has no run from the present sources; make book executes it" in done.stderr
+    )

@@ -101,6 +101,11 @@ def spectrum(recovery: Recovery, observable: str, truth: GravityField) -> Spectr
     return Spectrum(variance, np.abs(variance - reference), truth.radius * np.sqrt(error))
 
 
+def formal_amplitude(recovery: Recovery, truth: GravityField, sigma: float) -> Array:
+    """Error amplitude per degree [m] that white errors of standard deviation sigma [m/s^2] would leave, (N+1,)."""
+    return truth.radius * sigma * np.sqrt(error_degree_variance(recovery.formal_C, recovery.formal_S))
+
+
 def geometric_ratio(above: Array, below: Array) -> float:
     """Geometric mean of the quotient of two positive series of equal length."""
     return float(np.exp(np.mean(np.log(above / below))))

@@ -15,6 +15,7 @@ from numba import njit
 from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import ACCELERATION, POSITION, VELOCITY, Array, Observations, Tuning, distance, kinematic, los_acceleration, range_rate
 from geokalman.kalman.checks import NotPositiveDefinite
+from geokalman.kalman.dense import copy_state
 from geokalman.kalman.linear import predict_step, scalar_update_step, update_step
 from geokalman.kalman.smoothing import rts_mean_step, rts_step
 from geokalman.kalman.unscented import sigma_points_step, spread, unscented_update_step
@@ -130,7 +131,7 @@ def _run(data: Observations, tuning: Tuning, kind: int, covariances: bool) -> Es
         tuning.sigma_r**2, tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
     )  # fmt: skip
     if failed >= 0:
-        raise NotPositiveDefinite("innovation covariance", failed)
+        raise NotPositiveDefinite("covariance of the state or of the innovation", failed)
     x_s, P_s = np.empty((n, N)), np.empty((n if covariances else 1, N, N))
     failed = _smooth(x_pred, P_pred, x, P, Phi, Q, covariances, x_s, P_s)
     if failed >= 0:
@@ -177,39 +178,41 @@ def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x
     R4, H4 = np.diag(np.array([r, r, r, s])), np.zeros((4, N))
     for k in range(n):
         if k == 0:
-            x_pred[0] = x0
-            P_pred[0] = P0
+            copy_state(x0, P0, x_pred[0], P_pred[0])
         else:
             predict_step(x[k - 1], P[k - 1], Phi, Q, x_pred[k], P_pred[k])
-        x[k] = x_pred[k]
-        P[k] = P_pred[k]
+        copy_state(x_pred[k], P_pred[k], x[k], P[k])
         missing = np.isnan(rates[k])
-        joint = (kind == 3 or kind == 4) and not missing and not np.isnan(baseline[k]).any()
+        joint = (kind == _EKF_JOINT or kind == _UKF_JOINT) and not missing and not np.isnan(baseline[k]).any()
         if joint:
-            z4[:3] = baseline[k]
+            for j in range(3):
+                z4[j] = baseline[k, j]
             z4[3] = rates[k]
-            if kind == 4:
+            if kind == _UKF_JOINT:
                 if sigma_points_step(x[k], P[k], c, chi, U) != 0:
                     return k
                 for i in range(SIGMA_POINTS):
-                    gamma4[i, :3] = chi[i, :3]
+                    for j in range(3):
+                        gamma4[i, j] = chi[i, j]
                     gamma4[i, 3] = _range_rate_row(chi[i], H)
                 status = unscented_update_step(x[k], P[k], U, gamma4, z4, R4, c, w, S4, white4)
             else:
                 H4[:] = 0.0
                 H4[0, 0] = H4[1, 1] = H4[2, 2] = 1.0
                 z4[3] -= _range_rate_row(x[k], H4[3])
-                z4[:3] -= x[k, :3]
+                for j in range(3):
+                    z4[j] -= x[k, j]
                 status = update_step(x[k], P[k], z4, H4, R4, S4, white4)
             if status != 0:
                 return k
-            innovations[k] = white4
+            for j in range(4):
+                innovations[k, j] = white4[j]
             continue
         if not _position_update(x[k], P[k], baseline[k], r, H, innovations[k]):
             return k
-        if kind == 0 or missing:
+        if kind == _POSITION_ONLY or missing:
             continue
-        if kind == 2 or kind == 4:
+        if kind == _UKF or kind == _UKF_JOINT:
             if sigma_points_step(x[k], P[k], c, chi, U) != 0:
                 return k
             for i in range(SIGMA_POINTS):
@@ -231,9 +234,10 @@ def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x
 def _smooth(x_pred, P_pred, x, P, Phi, Q, covariances, x_s, P_s):
     """All epochs backward; returns -1, or the epoch whose predicted covariance is not positive definite."""
     n = len(x)
-    x_s[n - 1] = x[n - 1]
+    for j in range(N):
+        x_s[n - 1, j] = x[n - 1, j]
     if covariances:
-        P_s[n - 1] = P[n - 1]
+        copy_state(x[n - 1], P[n - 1], x_s[n - 1], P_s[n - 1])
     for k in range(n - 2, -1, -1):
         if covariances:
             status = rts_step(x[k], P[k], x_pred[k + 1], P_pred[k + 1], Phi, Q, x_s[k + 1], P_s[k + 1], x_s[k], P_s[k])

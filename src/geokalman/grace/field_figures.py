@@ -50,9 +50,14 @@ def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes
     return figure
 
 
-def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array]) -> Figure:
-    """Signal and error amplitude per degree in geoid height [m] for every observable."""
+def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal: Mapping[str, Array]) -> Figure:
+    """Signal and error amplitude per degree in geoid height [m] for every observable.
+
+    formal: id -> amplitude that white errors of the observable's size would leave, drawn as a band from half to twice of it.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 4.4))
+    for name, values in formal.items():
+        axes.fill_between(degree, 0.5 * values, 2 * values, color=_line(name)["color"], alpha=0.25, linewidth=0, label=f"{name}, formal")
     axes.semilogy(degree, signal, color=METHODS["truth"].colour, linewidth=3, alpha=0.45, label="signal")
     for name, values in errors.items():
         axes.semilogy(degree, values, label=name, **_line(name))

@@ -146,7 +146,8 @@ def dial(sigmas: Array, rate_std: Array, los_std: Array, chosen: float, printed:
     twin.grid(False)
     twin.spines["right"].set_visible(True)
     (los,) = twin.semilogx(sigmas, 1e9 * los_std, color=other.colour, linestyle=other.line, marker=other.marker, label="e·Δa error [nm/s²]")
-    twin.set(ylabel="std of e·Δa [nm/s²]", ylim=(0, None))
+    twin.set(ylabel="std of e·Δa [nm/s²]", ylim=(0, 1.1e9 * los_std.max()))
+    axes.set_ylim(top=1.6 * max(printed, rate_std.max()))
     figure.legend(handles=[rate, los], loc="outside upper center", ncols=2)
     return figure
 

@@ -79,18 +79,24 @@ def recover(
     Raises
     ------
     ValueError
-        Where the edges leave no epoch, an observable is not finite there (naming the epoch), or the epochs are fewer than the
-        unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
+        Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not finite
+        between them (naming the epoch), or the epochs are fewer than the unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
     """
     n_max = gravity.n_max if n_max is None else n_max
-    count = len(orbit.t)
+    count, ids = len(orbit.t), tuple(observables)
+    if not ids:
+        raise ValueError("there is no observable to recover from; give at least one.")
+    for name, series in observables.items():
+        if np.shape(series) != (count,):
+            raise ValueError(f"observable {name} has the shape {np.shape(series)}, the orbit has {count} epochs; give one value for each.")
+    if edge < 0:
+        raise ValueError(f"edge = {edge} is not a number of epochs; give 0 or more.")
     rows, unknowns = count - 2 * edge, column_count(n_max)
     if rows < unknowns:
         raise ValueError(
             f"{max(rows, 0)} epochs (of {count}, without {edge} at either end) cannot determine the {unknowns} coefficients of degrees "
             f"2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / 86400:.2f} days, or a lower n_max."
         )
-    ids = tuple(observables)
     los = np.column_stack([observables[name] for name in ids])[edge : count - edge]
     if not np.isfinite(los).all():
         row, k = np.argwhere(~np.isfinite(los))[0]

@@ -180,6 +180,33 @@ def combine_step(
 
 
 @njit(cache=True)
+def information_state_step(y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> int:
+    """The Gaussian of an information form:  P_out = Y^-1,  x_out = P_out y.  y, x_out : (n,); Y, P_out : (n, n).
+
+    Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
+    """
+    n = y.shape[0]
+    U, W = np.empty((n, n)), np.zeros((n, n))
+    status = cholesky_upper(Y, U)
+    if status != 0:
+        return status
+    for i in range(n):
+        W[i, i] = 1.0
+        x_out[i] = 0.0
+        for j in range(n):
+            P_out[i, j] = 0.0
+    solve_lower(U, W)
+    for k in range(n):
+        for i in range(k + 1):
+            for j in range(k + 1):
+                P_out[i, j] += W[k, i] * W[k, j]
+    for i in range(n):
+        for j in range(n):
+            x_out[j] += P_out[i, j] * y[i]
+    return 0
+
+
+@njit(cache=True)
 def _add_product(sign: float, Y: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
     for i in range(u.shape[0]):
         if u[i] != 0.0:
@@ -291,21 +318,18 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     if prior is not None:
         y0, Y0 = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
     y, Y, y_back, Y_back = np.empty((N, n)), np.empty((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
-    mean, cov = np.zeros((N, n)), np.empty((N, n, n))
+    mean, cov, correction = np.zeros((N, n)), np.empty((N, n, n)), np.empty(n)
     for _ in range(2):
         dz, u = _about(mean, z, H, Phi, step)
         y[0], Y[0] = y0 - Y0 @ mean[0], Y0
         _raise(*forward_loop(dz, H, R, Psi, G, step, u, y, Y), t)
         _raise(*backward_loop(dz, H, R, Phi, G, step, u, y_back, Y_back), t)
         for k in range(N):
-            U, inverse_root, x = Y[k] + Y_back[k], np.eye(n), y[k] + y_back[k]
-            status = cholesky_upper(U, U)
+            status = information_state_step(y[k] + y_back[k], Y[k] + Y_back[k], correction, cov[k])
             if status != 0:
                 detail = f"the observations do not determine state {status - 1}"
                 raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
-            solve_lower(U, inverse_root)
-            cov[k] = inverse_root.T @ inverse_root
-            mean[k] += cov[k] @ x
+            mean[k] += correction
     return Smoothed(t, mean, cov)
 
 

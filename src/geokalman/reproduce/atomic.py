@@ -22,7 +22,7 @@ _LEFT = re.compile(r"\.(?P<name>.+)\.(?P<kind>partial|old)-[^.]+")
 
 @contextmanager
 def explained(path: Path) -> Iterator[None]:
-    """Turn an operating-system error while writing to `path` into one sentence (Fault); what stood there before stays."""
+    """Turn an operating-system error while writing to `path` into one sentence (Fault); what stood there stays."""
     try:
         yield
     except OSError as error:
@@ -47,16 +47,20 @@ def partial_path(path: Path) -> Path:
 
 
 @contextmanager
-def open_whole(path: Path) -> Iterator[BinaryIO]:
-    """Binary stream whose contents appear as `path` when the block ends without an error; raises Fault where it cannot."""
+def open_whole(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
+    """Binary stream whose contents appear as `path` when the block ends without an error; raises Fault where it cannot.
+
+    `durable` waits until the disk has them, so that a power failure cannot leave an empty file under the name.
+    """
     partial = partial_path(path)
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with open(partial, "wb") as stream:
                 yield stream
-                stream.flush()
-                os.fsync(stream.fileno())
+                if durable:
+                    stream.flush()
+                    os.fsync(stream.fileno())
             os.replace(partial, path)
         except BaseException:
             partial.unlink(missing_ok=True)

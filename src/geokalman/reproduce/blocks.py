@@ -1,23 +1,27 @@
-"""What the prose has filled in when the book is staged: blocks, called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`,
-and recorded numbers, called by `[[<paper>/<notebook>:<key>]]` within a sentence."""
+"""What the prose has filled in when the book is staged.
+
+A block is called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`, a recorded number by
+`[[<paper>/<notebook>:<key>]]` within a sentence.
+"""
 
 from __future__ import annotations
 
 import ast
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from geokalman.reproduce import claims, display, notebooks
 from geokalman.reproduce.errors import Fault
 
+_SHELVES = ("kalman", "physics", "geokalman")  # first in the list of the package; the applications follow
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
 _NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
 
 
 def fill(text: str, root: Path) -> str:
-    """Replace each call of a block or of a recorded number; raises Fault for an argument too many or too few, or an unknown number."""
+    """Replace each call of a block or number; raises Fault for a wrong number of arguments or an unknown number."""
 
     def block(match: re.Match[str]) -> str:
         name, argument = match.groups()
@@ -36,8 +40,33 @@ def recorded_number(root: Path, notebook: str, key: str) -> str:
     """A recorded number of this build with its unit, for a sentence; raises Fault where there is none of that name."""
     metrics = claims.recorded(root, notebook)
     if metrics is None or key not in metrics:
-        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {', '.join(metrics or {}) or 'nothing yet'}.")
+        there = ", ".join(metrics or {}) or "nothing yet"
+        raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {there}.")
     return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
+
+
+def verdicts(root: Path, paper: str) -> str:
+    """Table of all claims of a paper with their verdicts, numbered and captioned."""
+    rows = [claims.row(judgement) for judgement in claims.judge_paper(root, paper)]
+    caption = "Every number and claim that the paper prints, and what this build found."
+    return f"```{{table}} {caption}\n:name: claims-{paper}\n\n{claims_table(claims.HEADER, rows)}\n```\n"
+
+
+def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Claims in columns that fit a page: the reason of a verdict stands small below what the paper says."""
+    shown = [name for name in header if name != "Why"]
+    lines = [f"| {' | '.join(shown)} |", f"|{' --- |' * len(shown)}"]
+    for row in rows:
+        told = {name: _plain(text) for name, text in zip(header, row, strict=True)}
+        if why := told.pop("Why", ""):
+            told[shown[0]] += f"<br><small>{why}</small>"
+        lines.append(f"| {' | '.join(told[name] for name in shown)} |")
+    return "\n".join(lines)
+
+
+def _plain(text: str) -> str:
+    """Text on one line (its no-break spaces kept) whose markup characters are harmless in a cell of a Markdown table."""
+    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"[ \t\r\n]+", " ", text))
 
 
 def run_times(root: Path) -> str:
@@ -56,16 +85,23 @@ def api(root: Path) -> str:
     """The public functions and classes of the package, module by module: signature and first sentence."""
     package = root / "src" / "geokalman"
     parts = []
-    for path in sorted(package.rglob("*.py")):
+    for path in sorted(package.rglob("*.py"), key=_shelf):
         names = path.relative_to(package.parent).with_suffix("").parts
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        public = [n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_" and ast.get_docstring(n)]
+        named = (n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_")
+        public = [n for n in named if ast.get_docstring(n)]
         if public and "reproduce" not in names:
             dotted = ".".join(names[:-1] if names[-1] == "__init__" else names)
             parts += [f"## `{dotted}`", "", _sentence(tree), ""]
             for node in public:
                 parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
     return "\n".join(parts)
+
+
+def _shelf(path: Path) -> tuple[int, Path]:
+    """Place of a module in the list of the package."""
+    folder = path.parent.name
+    return (_SHELVES.index(folder) if folder in _SHELVES else len(_SHELVES), path)
 
 
 def _signature(node: ast.FunctionDef | ast.ClassDef) -> str:
@@ -85,11 +121,11 @@ def _sentence(node: ast.AST) -> str:
     text = " ".join((ast.get_docstring(node) or "").split("\n\n")[0].split())
     text = re.split(r"(?<=[.!?])\s+(?=[A-Z`])", text)[0]
     plain = re.sub(r"``?([^`]+)``?", r"`\1`", text).split("`")
-    return "`".join(part if k % 2 else re.sub(r"([\\*_\[\]<>$|{}#~^])", r"\\\1", part) for k, part in enumerate(plain))
+    return "`".join(part if k % 2 else _plain(part) for k, part in enumerate(plain))
 
 
 BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
-    "verdicts": (claims.verdicts_markdown, "PAPER"),
+    "verdicts": (verdicts, "PAPER"),
     "verdict-summary": (claims.summary_markdown, ""),
     "run-times": (run_times, ""),
     "api": (api, ""),

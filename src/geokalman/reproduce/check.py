@@ -31,7 +31,9 @@ def check(root: Path) -> Report:
             report.problems.append(f"{name} has no run in the book; execute it with: make book.")
             continue
         if not graph.is_fresh(folder, graph.key(root, name, shared)):
-            report.problems.append(f"{name}: its run is older than its sources, or damaged; make it anew with: make book.")
+            report.problems.append(
+                f"{name}: its run is older than its sources, or damaged; make it anew with: make book."
+            )
         built.append(name)
         _check_reference(root, name, folder, report)
     for paper in sorted({name.partition("/")[0] for name in names} | set(claims.papers(root))):
@@ -40,7 +42,9 @@ def check(root: Path) -> Report:
             _check_claims(root, paper, report)
     try:
         if not claims.readme_agrees(root):
-            report.problems.append("README.md: its verdicts are not those of the ledgers; renew them with: geokalman claims --readme.")
+            report.problems.append(
+                "README.md: its verdicts are not those of the ledgers; renew them with: geokalman claims --readme."
+            )
     except (Fault, OSError) as error:
         report.problems.append(str(error))
     return report
@@ -89,5 +93,6 @@ def _check_claims(root: Path, paper: str, report: Report) -> None:
         if not j.as_expected:
             now = j.verdict or "not computed"
             report.problems.append(
-                f"book/{paper}/claims.yml, claim {j.claim.id}: {now} ({j.why}; ours {j.ours}), expected {j.claim.verdict}."
+                f"book/{paper}/claims.yml, claim {j.claim.id}: "
+                f"{now} ({j.why}; ours {j.ours}), expected {j.claim.verdict}."
             )

@@ -17,8 +17,13 @@ from geokalman.reproduce.errors import Fault, Misuse
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
 VERDICTS: tuple[Verdict, ...] = ("reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable")
-_OPERATORS: dict[str, Callable[[float, float], bool]] = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
-_METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.]+$"
+_OPERATORS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+_METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.+-]+$"
 MetricName = Annotated[str, Field(pattern=_METRIC)]
 Metrics = Mapping[str, Mapping[str, Any]]
 """Recorded numbers of one notebook: key -> {value, unit}."""
@@ -51,14 +56,17 @@ class Accept(_Strict):
         assert printed is not None
         if self.factor is not None:
             return ours * printed > 0 and 1 / self.factor <= ours / printed <= self.factor
-        return abs(ours - printed) <= (self.abs if self.abs is not None else self.rel * abs(printed))  # type: ignore[operator]
+        allowed = self.abs if self.abs is not None else (self.rel or 0.0) * abs(printed)
+        return abs(ours - printed) <= allowed
 
     def __str__(self) -> str:
         if self.range is not None:
             return f"accepted {display.number(self.range[0])} to {display.number(self.range[1])}"
         if self.factor is not None:
             return f"accepted within a factor {self.factor:g}"
-        return f"accepted ±{self.rel * 100:g} %" if self.rel is not None else f"accepted ±{display.number(self.abs)}"  # type: ignore[arg-type]
+        return (
+            f"accepted ±{self.rel * 100:g} %" if self.rel is not None else f"accepted ±{display.number(self.abs or 0)}"
+        )
 
 
 class Compare(_Strict):
@@ -71,7 +79,7 @@ class Compare(_Strict):
 
 
 class Claim(_Strict):
-    """One number or statement of the paper, how we read it, which recorded number decides it, and the expected verdict."""
+    """One number or statement of the paper, how we read it, what decides it, and the expected verdict."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")
     where: str
@@ -145,7 +153,7 @@ def papers(root: Path) -> list[str]:
 
 
 def ledger(root: Path, paper: str) -> list[Claim]:
-    """The claims of a paper; raises Fault with file and claim where an entry is malformed, Misuse for an unknown paper."""
+    """The claims of a paper; raises Fault with file and claim for a malformed entry, Misuse for an unknown paper."""
     path = root / "book" / paper / "claims.yml"
     if not path.is_file():
         raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
@@ -198,7 +206,9 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
         if entry is None:
             return Judgement(claim, None, None, f"{name} is not recorded")
         if claim.metric and claim.unit and entry["unit"] and claim.unit != entry["unit"]:
-            raise Fault(f"claim {claim.id} is in {claim.unit}, but {name} is recorded in {entry['unit']}; they must agree.")
+            raise Fault(
+                f"claim {claim.id} is in {claim.unit}, but {name} is recorded in {entry['unit']}; they must agree."
+            )
         if entry["value"] is None:
             return Judgement(claim, None, "not-reproduced", f"{name} is not finite")
         values[name] = entry["value"]
@@ -260,7 +270,7 @@ HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 
 
 def row(judgement: Judgement, judged: bool = True) -> list[str]:
-    """Cells of a claim under `HEADER`: place and words, printed number (and our reading of it), ours, verdict, reason."""
+    """Cells of a claim under `HEADER`: place and words, printed number and our reading, ours, verdict, reason."""
     claim, ours = judgement.claim, judgement.ours
 
     def shown(value: float | str | None, digits: int = 4) -> str:
@@ -295,11 +305,6 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
 _judge = judge
 
 
-def verdicts_markdown(root: Path, paper: str) -> str:
-    """Markdown table of all claims of a paper with their verdicts."""
-    return display.markdown_table(HEADER, [row(j) for j in judge_paper(root, paper)])
-
-
 def summary_markdown(root: Path, prefix: str = "") -> str:
     """Markdown table of how many claims of each paper have which verdict; links start at `prefix`."""
     rows = []
@@ -331,15 +336,17 @@ def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
 
 # README
 
-_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(\n<!-- /verdicts -->)", re.S)
+_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
 
 
 def readme_with_block(root: Path) -> str:
-    """The README's text with the block between `<!-- verdicts -->` and `<!-- /verdicts -->` as the ledgers have it now."""
+    """The README's text with its block `<!-- verdicts -->` to `<!-- /verdicts -->` as the ledgers have it now."""
     text = (root / "README.md").read_text(encoding="utf-8")
     if not _BLOCK.search(text):
-        raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->, between which the verdicts stand.")
-    return _BLOCK.sub(lambda m: m[1] + summary_markdown(root, "book/") + m[2], text)
+        raise Fault(
+            "README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->, between which the verdicts stand."
+        )
+    return _BLOCK.sub(lambda m: f"{m[1]}{summary_markdown(root, 'book/')}\n{m[2]}", text)
 
 
 def readme_agrees(root: Path) -> bool:

@@ -51,7 +51,10 @@ def params(notebook: str, as_json: Annotated[bool, typer.Option("--json", help="
 
     spec = parameters.load(_root(), notebook)
     if as_json:
-        rows = [{"type": p.type, "range": p.range, "unit": p.unit, "default": p.default, "help": p.help} for p in spec.parameters.values()]
+        rows = [
+            {"type": p.type, "range": p.range, "unit": p.unit, "default": p.default, "help": p.help}
+            for p in spec.parameters.values()
+        ]
         print(json.dumps({"parameters": dict(zip(spec.parameters, rows, strict=True)), "quick": spec.quick}, indent=1))
         return
     from rich.table import Table
@@ -68,7 +71,9 @@ def params(notebook: str, as_json: Annotated[bool, typer.Option("--json", help="
 @app.command()
 def run(
     notebook: str,
-    assignments: Annotated[list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Parameters; values are YAML.")] = None,
+    assignments: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Parameters; values are YAML.")
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run (default: under runs/).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Start from the quick values.")] = False,
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
@@ -84,12 +89,16 @@ def run(
     folder = out if out is not None else execute.default_out(root, notebook, given, quick)
     execute.refuse_foreign(folder.resolve())
     with Display() as display, display.notebook(notebook) as progress, ThreadPoolExecutor(1) as pool:
-        task = pool.submit(execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
+        task = pool.submit(
+            execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress
+        )
         try:  # in a thread, where Ctrl-C reaches us and not the event loop that talks to the kernel
             folder = task.result()
         except KeyboardInterrupt:
             execute.stop_all()
             raise
+        for note in execute.notes(folder):
+            display.say(note)
     print(folder)
 
 
@@ -148,10 +157,16 @@ def build(
 @app.command()
 def compare(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Folder of a run, or a notebook (the book's run of it).")],
-    other: Annotated[str | None, typer.Argument(metavar="[RUN]", help="Another (default: the book's, else the reference).")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 where a number differs by more than --rel.")] = False,
+    other: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="Another (default: the book's, else the reference).")
+    ] = None,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 1 where a number differs by more than --rel.")
+    ] = False,
     rel: Annotated[float, typer.Option(min=0, help="Relative difference that --strict accepts.")] = 1e-9,
-    out: Annotated[Path | None, typer.Option(help="Folder of the page with overlaid figures (default: compare/ in the first run).")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the page with overlaid figures (default: compare/ in the first run).")
+    ] = None,
 ) -> None:
     """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
     from geokalman.reproduce import compare as comparing
@@ -183,7 +198,10 @@ def check() -> None:
     report = checking.check(_root())
     for problem in report.problems:
         sys.stderr.write(f"{problem}\n")
-    print(f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: {len(report.problems)} problems")
+    print(
+        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: "
+        f"{len(report.problems)} problems"
+    )
     if report.problems:
         raise typer.Exit(1)
 

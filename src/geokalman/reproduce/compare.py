@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import csv
 import html
-import io
 import math
 import shutil
 from pathlib import Path
@@ -13,10 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from geokalman.reproduce import atomic, claims, display, graph, notebooks, reference
+from geokalman.reproduce import atomic, claims, display, graph, notebooks, overlay, reference
 from geokalman.reproduce.errors import Fault, Misuse
-
-_LEFT, _RIGHT = "#0072b2", "#d55e00"  # Okabe & Ito's blue and vermilion
 
 
 class Row(NamedTuple):
@@ -66,7 +62,9 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
         return Comparison(str(left), f"reference ({mode})", [], _rows(metrics, others), [])
     other_told, others, other_arrays = reference.read_run(right)
     if other_told["notebook"] != name:
-        raise Misuse(f"{left} is a run of {name}, {right} one of {other_told['notebook']}; two runs of one notebook compare.")
+        raise Misuse(
+            f"{left} is a run of {name}, {right} one of {other_told['notebook']}; two runs of one notebook compare."
+        )
     mine, theirs = told["parameters"], other_told["parameters"]
     changed = [(k, mine.get(k), theirs.get(k)) for k in {**mine, **theirs} if mine.get(k) != theirs.get(k)]
     rows = _rows(metrics, others)
@@ -75,8 +73,12 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
         if a.shape == b.shape and a.size:
             worst, largest = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (a - b, b))
             unit = told["arrays"][key]["unit"]
-            rows.append(Row(f"{key} (array: rms, largest difference)", unit, _rms(a), _rms(b), worst, _ratio(worst, largest)))
-    figures = sorted({p.name[:-4] for p in left.glob("figures/*.csv")} & {p.name[:-4] for p in right.glob("figures/*.csv")})
+            rows.append(
+                Row(f"{key} (array: rms, largest difference)", unit, _rms(a), _rms(b), worst, _ratio(worst, largest))
+            )
+    figures = sorted(
+        {p.name[:-4] for p in left.glob("figures/*.csv")} & {p.name[:-4] for p in right.glob("figures/*.csv")}
+    )
     return Comparison(str(left), str(right), changed, rows, figures)
 
 
@@ -94,7 +96,9 @@ def _rows(metrics: claims.Metrics, others: claims.Metrics) -> list[Row]:
         left, right = metrics.get(key, {}).get("value"), others.get(key, {}).get("value")
         unit = (metrics.get(key) or others[key])["unit"]
         both = left is not None and right is not None
-        rows.append(Row(key, unit, left, right, left - right if both else None, _ratio(left - right, right) if both else None))
+        rows.append(
+            Row(key, unit, left, right, left - right if both else None, _ratio(left - right, right) if both else None)
+        )
     return rows
 
 
@@ -114,7 +118,10 @@ HEADER = ("name", "left", "right", "left − right", "relative", "unit")
 
 
 def write_page(comparison: Comparison, folder: Path) -> Path:
-    """Write `compare.html` (self-contained) and one overlay per figure into `folder`, whole; returns the page."""
+    """Write `compare.html` (self-contained) and an image per figure into `folder`, whole; returns the page.
+
+    A figure that cannot be drawn is named there with the reason.
+    """
     left, right = Path(comparison.left), Path(comparison.right)
     new = atomic.partial_path(folder)
     with atomic.explained(folder):
@@ -122,9 +129,14 @@ def write_page(comparison: Comparison, folder: Path) -> Path:
         try:
             parts = []
             for name in comparison.figures:
-                image = overlay(_read_csv(left / "figures" / f"{name}.csv"), _read_csv(right / "figures" / f"{name}.csv"), name)
-                (new / f"{name}.png").write_bytes(image)
-                parts.append(_figure_html(name, image))
+                sides = (overlay.read_columns(run / "figures" / f"{name}.csv") for run in (left, right))
+                try:
+                    image = overlay.overlay(*sides, name)
+                except Fault as error:
+                    parts.append(f"<h3>{html.escape(name)}</h3>\n<p>Not drawn: {html.escape(str(error))}</p>\n")
+                else:
+                    (new / f"{name}.png").write_bytes(image)
+                    parts.append(_figure_html(name, image))
             (new / "compare.html").write_text(_page_html(comparison, parts), encoding="utf-8")
             atomic.swap_folder(new, folder)
         finally:
@@ -134,61 +146,23 @@ def write_page(comparison: Comparison, folder: Path) -> Path:
 
 def _figure_html(name: str, image: bytes) -> str:
     data = base64.b64encode(image).decode()
-    alt = f"The data of figure {name} from both runs laid over each other"
-    return f'<figure><img alt="{alt}" src="data:image/png;base64,{data}"><figcaption>{html.escape(name)}</figcaption></figure>'
+    alt = f"The data of figure {name} from the left and the right run"
+    return f'<h3>{html.escape(name)}</h3>\n<figure><img alt="{alt}" src="data:image/png;base64,{data}"></figure>\n'
 
 
 def _page_html(c: Comparison, figures: list[str]) -> str:
     changed = "".join(f"<li>{html.escape(f'{k}: {a!r} | {b!r}')}</li>" for k, a, b in c.parameters) or "<li>none</li>"
     head = "".join(f'<th scope="col">{html.escape(h)}</th>' for h in HEADER)
     body = "".join("<tr>" + "".join(f"<td>{html.escape(t)}</td>" for t in texts(row)) + "</tr>\n" for row in c.rows)
+    told = f"<p>left: <code>{html.escape(c.left)}</code><br>right: <code>{html.escape(c.right)}</code></p>"
+    drawn = f"<p>Blue and solid is left, orange and dashed is right.</p>\n{told}\n{''.join(figures)}" if figures else ""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Two runs compared</title><style>'
         "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem}"
         "td,th{padding:.15rem .8rem .15rem 0;text-align:left}img{max-width:100%}</style></head><body><main>\n"
-        f"<h1>Two runs compared</h1>\n<p>left: {html.escape(c.left)}<br>right: {html.escape(c.right)}</p>\n"
-        f"<h2>Parameters that differ (left | right)</h2><ul>{changed}</ul>\n<h2>Numbers</h2><table><thead><tr>{head}</tr></thead>"
-        f"<tbody>{body}</tbody></table>\n<h2>Figures</h2>{''.join(figures) or '<p>None that both have.</p>'}\n</main></body></html>\n"
+        f"<h1>Two runs compared</h1>\n{told}\n"
+        f"<h2>Parameters that differ (left | right)</h2><ul>{changed}</ul>\n"
+        f"<h2>Numbers</h2><table><thead><tr>{head}</tr></thead>"
+        f"<tbody>{body}</tbody></table>\n<h2>Figures</h2>{drawn or '<p>None that both have.</p>'}\n"
+        "</main></body></html>\n"
     )
-
-
-def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    """Numeric columns of a figure's data."""
-    with open(path, encoding="utf-8", newline="") as stream:
-        header, *rows = csv.reader(stream)
-    columns = {}
-    for name, values in zip(header, zip(*rows, strict=True), strict=True):
-        try:
-            columns[name] = np.array(values, dtype=float)
-        except ValueError:  # a column of words
-            continue
-    return columns
-
-
-def overlay(left: dict[str, np.ndarray], right: dict[str, np.ndarray], title: str) -> bytes:
-    """PNG of the columns that both have against the first one; a map (lon, lat, values) is shown by its difference."""
-    from geokalman import style
-
-    shared = [c for c in left if c in right]
-    if len(shared) < 2:
-        raise Fault(f"figure {title} has fewer than two columns that both runs have ({', '.join(shared) or 'none'}).")
-    places = [c for c in shared if c.startswith(("lon", "lat"))]
-    with style.theme("light"):
-        import matplotlib.pyplot as plt
-
-        columns = [c for c in shared if c not in places] if len(places) == 2 else shared[1:]
-        figure, axes = plt.subplots(len(columns), 1, figsize=(8, 2.6 * len(columns)), squeeze=False)
-        for axis, column in zip(axes[:, 0], columns, strict=True):
-            if len(places) == 2 and left[column].shape == right[column].shape:
-                points = axis.scatter(left[places[0]], left[places[1]], c=left[column] - right[column], s=2, cmap=style.DIVERGING)
-                figure.colorbar(points, ax=axis, label=f"{column}: left − right")
-            else:
-                axis.plot(left[shared[0]], left[column], color=_LEFT, lw=1.6, label="left")
-                axis.plot(right[shared[0]], right[column], color=_RIGHT, lw=1.0, ls="--", label="right")
-                axis.set(xlabel=shared[0], ylabel=column)
-                axis.legend(loc="upper right")
-        figure.suptitle(title)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-        style.close(figure)
-    return buffer.getvalue()

@@ -12,6 +12,7 @@ from typing import Any
 
 FIGURE_TYPE = "application/vnd.geokalman.figure+json"
 TABLE_TYPE = "application/vnd.geokalman.table+json"
+_NBSP = "\u00a0"  # between a number, its power of ten and its unit, so that no line break tears them
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -28,14 +29,18 @@ def number(value: float, digits: int = 4) -> str:
     if -3 <= power < 6:
         text = f"{value:.{max(digits - 1 - power, 0)}f}"
     else:
-        text = f"{mantissa} × 10{str(power).translate(_SUPERSCRIPT)}"
+        text = mantissa + _power(power)
     return text.replace("-", "−")
 
 
 def quantity(value: float, unit: str = "", digits: int = 4) -> str:
     """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`."""
     raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
-    return f"{number(value, digits)} {raised}".rstrip()
+    return number(value, digits) + (_NBSP + raised if raised else "")
+
+
+def _power(exponent: int) -> str:
+    return f"{_NBSP}×{_NBSP}10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
 def cell(value: Any, form: str | None = None) -> str:
@@ -46,11 +51,10 @@ def cell(value: Any, form: str | None = None) -> str:
         return "yes" if value else "no"
     if isinstance(value, numbers.Real):
         value = value.item() if hasattr(value, "item") else value
-        if not form:
+        if not form or value == 0:
             return number(value)
         mantissa, e, exponent = f"{value:{form}}".partition("e")
-        power = f" × 10{str(int(exponent)).translate(_SUPERSCRIPT)}" if e else ""
-        return mantissa.replace("-", "−") + power
+        return mantissa.replace("-", "−") + (_power(int(exponent)) if e else "")
     return str(value)
 
 
@@ -72,7 +76,9 @@ def figure_bundle(record: Mapping[str, Any], png: bytes) -> dict[str, Any]:
 def table_bundle(record: Mapping[str, Any]) -> dict[str, Any]:
     """MIME bundle of a table; `record` has name, caption, header, rows (texts), align (per column) and files."""
     header, rows, align = record["header"], record["rows"], record["align"]
-    head = "".join(f'<th scope="col" style="text-align: {a}">{html.escape(h)}</th>' for h, a in zip(header, align, strict=True))
+    head = "".join(
+        f'<th scope="col" style="text-align: {a}">{html.escape(h)}</th>' for h, a in zip(header, align, strict=True)
+    )
     body = []
     for row in rows:
         cells = [f'<th scope="row" style="text-align: {align[0]}">{html.escape(row[0])}</th>']

@@ -75,8 +75,8 @@ def run(
 
 
 def _run_alone(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool, threads: int,
-    progress: Progress | None, key: str,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool,
+    threads: int, progress: Progress | None, key: str,
 ) -> Path:  # fmt: skip
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
@@ -95,12 +95,13 @@ def _run_alone(
             raise ExecutionFailed(message, name)
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
+        told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
             from geokalman.reproduce import page as pages
 
-            atomic.write_text(record / "page.html", pages.render(executed, root, name))
-        told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+            changed = parameters.specification(source, name).changed(told["parameters"])
+            atomic.write_text(record / "page.html", pages.render(executed, root, name, changed))
         made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
         told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
         atomic.write_json(record / "provenance.json", told)
@@ -112,8 +113,13 @@ def _run_alone(
     return out
 
 
+def notes(folder: Path) -> list[str]:
+    """What the machinery had to say about a run (a damaged result made anew), kept out of the notebook itself."""
+    return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
+
+
 def stop_all(patience: float = 10.0) -> None:
-    """Kill the kernels that this process started, and wait up to `patience` seconds for their half-made folders to go."""
+    """Kill the kernels that this process started, and wait up to `patience` seconds until their folders are cleared."""
     for kernel in list(_kernels):
         if kernel.provisioner is not None and kernel.provisioner.pid:
             with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -129,8 +135,6 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     text = "+".join(words) or "paper"
     plain = re.sub(r"[^A-Za-z0-9=+.,_-]+", "-", text).strip("-")
     if plain != text or len(plain) > 80:
-        import hashlib
-
         plain = f"{plain[:70]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     return root / "runs" / name / plain
 
@@ -140,7 +144,10 @@ def refuse_foreign(out: Path) -> None:
     if out.is_dir():
         inside = sorted(p.name for p in out.iterdir())
         if inside and "provenance.json" not in inside:
-            raise Misuse(f"{out} holds other things ({', '.join(inside[:3])}); name a new or empty folder, or that of an earlier run.")
+            raise Misuse(
+                f"{out} holds other things ({', '.join(inside[:3])}); "
+                "name a new or empty folder, or that of an earlier run."
+            )
     elif out.exists():
         raise Misuse(f"{out} is a file; a run is written into a folder: name a new one.")
 

@@ -1,7 +1,7 @@
-"""The book as a task graph (doit): every notebook whose inputs changed is executed, two at a time, then the pages are made.
+"""The book as a task graph (doit): notebooks whose inputs changed are executed, two at a time, then pages made.
 
-What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of every
-file of it. A folder appears whole, so a build that was killed resumes, and a damaged result is noticed and made anew.
+What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of
+every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed and made anew.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import platform
+import re
 import shutil
 import tempfile
 from collections.abc import Callable
@@ -67,7 +68,9 @@ def build(root: Path, workers: int = WORKERS, html: bool = True) -> Outcome:
 def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     names = notebooks.names(root)
     if not names:
-        raise Fault(f"{root / 'book'} has no notebooks; they are MyST files book/<paper>/NN-title.md with a jupytext header.")
+        raise Fault(
+            f"{root / 'book'} has no notebooks; they are MyST files book/<paper>/NN-title.md with a jupytext header."
+        )
     _clear(root, names)
     shared = shared_inputs(root)
     keys = {name: key(root, name, shared) for name in names}
@@ -78,9 +81,12 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
 
     def one(name: str) -> None:
         with display.notebook(name) as progress:
-            folder = run_folder(root, name)
-            execute.run(root, name, out=folder, page=False, threads=threads, progress=progress, key=keys[name])
+            folder = execute.run(
+                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name]
+            )
             _publish_metrics(root, name)
+        for note in execute.notes(folder):
+            display.say(f"{name}: {note}")
         outcome.executed.append(name)
 
     def book() -> None:
@@ -120,7 +126,9 @@ def key(root: Path, name: str, shared: str | None = None) -> str:
     parts: dict[str, Any] = {
         "source": text,
         "code": sources.code_hash(modules | _MACHINERY),
-        "claims": [c.model_dump(mode="json") for c in claims.decided_by(root, name)] if "verdicts" in code else [],
+        "claims": [c.model_dump(mode="json") for c in claims.decided_by(root, name)]
+        if re.search(r"\.(verdicts|claims)\(", code)
+        else [],
         "shared": shared or shared_inputs(root),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
@@ -177,15 +185,19 @@ def _oldest_first(root: Path, names: list[str]) -> list[str]:
 
     def seconds(name: str) -> float:
         try:
-            return float(json.loads((run_folder(root, name) / "provenance.json").read_text(encoding="utf-8"))["seconds"])
+            return float(
+                json.loads((run_folder(root, name) / "provenance.json").read_text(encoding="utf-8"))["seconds"]
+            )
         except (OSError, ValueError, KeyError, TypeError):
             return 0.0
 
     return sorted(names, key=seconds, reverse=True)
 
 
-def _run_tasks(tasks: dict[str, tuple[Callable[[], None], list[str], bool]], workers: int, order: list[str]) -> list[str]:
-    """Run the tasks name -> (action, names it waits for, up to date) with doit; gives the messages of those that failed."""
+def _run_tasks(
+    tasks: dict[str, tuple[Callable[[], None], list[str], bool]], workers: int, order: list[str]
+) -> list[str]:
+    """Run the tasks name -> (action, names it waits for, up to date) with doit; gives the messages of failed ones."""
     from doit.cmd_base import ModuleTaskLoader
     from doit.doit_cmd import DoitMain
     from doit.exceptions import TaskFailed

@@ -1,7 +1,7 @@
 """A run as one page: HTML that carries its images, styles and formulas with it and loads nothing.
 
-nbconvert renders cells and outputs. The prose is MyST, which nbconvert does not know: myst-parser renders it here through
-docutils, with the cross-references that need the whole book (figures, equations, citations, pages) written out as text.
+nbconvert renders cells and outputs. The prose is MyST, which nbconvert does not know: myst-parser renders it here
+through docutils, with the cross-references that need the whole book (figures, equations, citations, pages) written out.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import html
 import io
 import re
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,8 @@ _ROLE = re.compile(r"\{(numref|eq|cite:p|cite:t|cite|doc|ref|term|download|abbr)
 _MATH_FENCE = re.compile(r"^```\{math\}\n(?::label: *(\S+)\n)?\n?(.*?)^```$", re.M | re.S)
 _LABELLED = re.compile(r"^\$\$(.+?)\$\$ *(?:\(([\w:.-]+)\))$", re.M | re.S)
 _STYLE = """
-body { max-width: 60rem; margin: 2rem auto; padding: 0 1rem; font: 16px/1.55 system-ui, sans-serif; color: #1a1a1a; background: #fff; }
+body { max-width: 60rem; margin: 2rem auto; padding: 0 1rem; font: 16px/1.55 system-ui, sans-serif; }
+body { color: #1a1a1a; background: #fff; }
 pre { overflow-x: auto; padding: .6rem .8rem; background: #f6f7f8; border-radius: 4px; font-size: .85rem; }
 img { max-width: 100%; height: auto; }
 figure { margin: 1.2rem 0; } figcaption, caption { color: #444; font-size: .92rem; text-align: left; }
@@ -31,12 +33,13 @@ table { border-collapse: collapse; margin: 1rem 0; font-size: .92rem; display: b
 th, td { padding: .25rem .7rem; border-bottom: 1px solid #ddd; vertical-align: top; }
 .jp-InputPrompt, .jp-OutputPrompt, .prompt, .anchor-link, .headerlink { display: none; }
 aside { border-left: 4px solid #0072b2; padding: .2rem 1rem; margin: 1rem 0; background: #f4f8fb; }
+aside.changed { border-color: #d55e00; background: #fdf3ec; }
 .admonition-title, .topic-title { font-weight: 600; }
 """
 
 
-def render(notebook: NotebookNode, root: Path, name: str) -> str:
-    """Self-contained HTML of an executed notebook."""
+def render(notebook: NotebookNode, root: Path, name: str, changed: Mapping[str, Any] | None = None) -> str:
+    """Self-contained HTML of an executed notebook; parameters `changed` from the paper's are told at the top."""
     from nbconvert import HTMLExporter
     from pygments.formatters import HtmlFormatter
 
@@ -48,18 +51,32 @@ def render(notebook: NotebookNode, root: Path, name: str) -> str:
     style = _STYLE + HtmlFormatter().get_style_defs(".highlight")
     script = f"<script>{_mathjax()}</script>\n" if prose.has_math else ""
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<meta name="viewport" content="width=device-width">\n'
-        f"<title>{title}</title>\n<style>{style}</style>\n{script}</head>\n<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width">\n'
+        f"<title>{title}</title>\n<style>{style}</style>\n{script}</head>\n"
+        f"<body>\n<main>\n{_banner(changed or {})}{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _banner(changed: Mapping[str, Any]) -> str:
+    if not changed:
+        return ""
+    told = html.escape(", ".join(f"{name}={value}" for name, value in changed.items()))
+    return (
+        f'<aside class="changed"><p>This run differs from the paper\'s set-up: <code>{told}</code>. '
+        "The words around the numbers describe the paper's run.</p></aside>\n"
     )
 
 
 def _mathjax() -> str:
-    """MathJax 3 with its glyphs as one script, from the package that the book takes it from; nothing where it is missing."""
+    """MathJax 3 with its glyphs as one script, from the package that the book uses; nothing where it is missing."""
     try:
         package = distribution("sphinx-mathjax-offline")
     except PackageNotFoundError:
         return ""
-    script = Path(str(package.locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg.js"))).read_text(encoding="utf-8")
+    script = Path(str(package.locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg.js"))).read_text(
+        encoding="utf-8"
+    )
     settings = 'window.MathJax = {tex: {inlineMath: [["\\\\(", "\\\\)"]]}, options: {enableMenu: false}};\n'
     return settings + script.replace("https://cdn.jsdelivr.net/npm/", "")  # it would ask there for speech on request
 
@@ -100,7 +117,11 @@ class _Prose:
                         label = data[mime]["name"]
                         text = _dollars(data["text/html"])
                         self.has_math |= text != data["text/html"]
-                        data["text/html"] = f'<div id="{label}">' + text.replace(tag, f"{tag}<b>{self.labels[label]}.</b> ", 1) + "</div>"
+                        data["text/html"] = (
+                            f'<div id="{label}">'
+                            + text.replace(tag, f"{tag}<b>{self.labels[label]}.</b> ", 1)
+                            + "</div>"
+                        )
         return notebook
 
     def html(self, source: str, *_: Any, **__: Any) -> str:
@@ -112,10 +133,12 @@ class _Prose:
         text = _ROLE.sub(lambda m: self._written_out(m[1], m[2]), text)
         text = re.sub(r"^\(([\w:.-]+)\)=$", "", text, flags=re.M)
         text = re.sub(r"(?<!!)\[([^\]]+)\]\((?!https?:|#)[^)]*\)", r"\1", text)  # pages of the book are not here
+        levels = [len(m) for m in re.findall(r"^(#+) ", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)]
         settings = {
             "myst_enable_extensions": _EXTENSIONS, "myst_all_links_external": True, "math_output": "MathJax ignored",
             "report_level": 5, "halt_level": 6, "warning_stream": io.StringIO(), "embed_stylesheet": False,
-            "doctitle_xform": False, "initial_header_level": 1, "raw_enabled": True, "file_insertion_enabled": False,
+            "doctitle_xform": False, "initial_header_level": min(levels, default=1), "raw_enabled": True,
+            "file_insertion_enabled": False,
         }  # fmt: skip
         body = publish_parts(text, parser=Parser(), writer_name="html5", settings_overrides=settings)["body"]
         self.has_math |= 'class="math' in body

@@ -47,7 +47,7 @@ class Interval(BaseModel):
 
 
 class Parameter(BaseModel):
-    """One parameter: its type is that of the default; unit, range (interval or choices) and help come from the comment."""
+    """One parameter: type from the default; unit, range (interval or choices) and help from the comment."""
 
     model_config = ConfigDict(frozen=True)
     name: str
@@ -89,9 +89,10 @@ class Parameter(BaseModel):
         return words + (" or None" if self.optional else "")
 
     def check(self, value: Any, base: Path | None = None) -> Any:
-        """The value in the parameter's own type; raises Misuse with one sentence where it has another type or is out of range.
+        """The value in the parameter's own type; raises Misuse for another type or one out of range.
 
-        An int is taken for a float, never a bool for a number. A path is made absolute from `base` and must exist.
+        An int is taken for a float, never a bool for a number. A path is made absolute from `base` and must exist. An
+        empty list is refused unless it is the default.
         """
         if value is None and self.optional:
             return None
@@ -100,6 +101,8 @@ class Parameter(BaseModel):
                 if not (hasattr(value, "tolist") and getattr(value, "ndim", 0) == 1):
                     raise self._wrong(value)
                 value = value.tolist()
+            if not value and self.default:
+                raise Misuse(f"{self.name} = [] is empty; give at least one value.")
             return [self._item(item, base, f"[{k}]") for k, item in enumerate(value)]
         return self._item(value, base)
 
@@ -126,7 +129,9 @@ class Parameter(BaseModel):
     def _file(self, value: str, base: Path | None) -> str:
         path = ((base or Path.cwd()) / Path(value).expanduser()).resolve()
         if not path.is_file():
-            raise Misuse(f"{self.name}={value}: there is no file {path}; {self.name} is a path ({self.help}).")
+            what = "is a folder" if path.is_dir() else "does not exist"
+            about = f" ({self.help})" if self.help else ""
+            raise Misuse(f"{self.name}={value}: {path} {what}; {self.name} must be the path of an existing file{about}.")
         return str(path)
 
     def _wrong(self, value: Any, why: str | None = None, place: str = "") -> Misuse:
@@ -167,6 +172,10 @@ class Specification(BaseModel):
         valid = ", ".join(self.parameters) or "none"
         return Misuse(f"{name} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
 
+    def changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The values that differ from the paper-scale ones."""
+        return {name: value for name, value in values.items() if value != self.defaults.get(name)}
+
     def mode(self, values: Mapping[str, Any]) -> str:
         """`paper` for the defaults, `quick` for the quick values, else `custom`."""
         for word, wanted in (("paper", self.defaults), ("quick", self.defaults | self.quick)):
@@ -196,7 +205,9 @@ def _parse_value(text: str, parameter: Parameter) -> Any:
     except ValueError as error:
         if parameter.kind == "str" and not parameter.many:
             return text
-        raise Misuse(f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}.") from error
+        raise Misuse(
+            f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}."
+        ) from error
     if parameter.kind == "str" and not parameter.many and not isinstance(value, str):
         return None if value is None and parameter.optional else text
     return value
@@ -208,7 +219,7 @@ def load(root: Path, name: str) -> Specification:
 
 
 def specification(notebook: NotebookNode, name: str) -> Specification:
-    """Read the cells tagged `parameters` and `quick`; raises Fault, naming notebook and line, where they are malformed."""
+    """Read the cells tagged `parameters` and `quick`; raises Fault with notebook and line for malformed ones."""
     try:
         source, quick_source = notebooks.tagged(notebook, "parameters"), notebooks.tagged(notebook, "quick")
         parameters = {p.name: p for p in _read_cell(source)} if source else {}
@@ -229,7 +240,7 @@ def _read_quick(source: str) -> dict[str, Any]:
     tree = ast.parse(source)
     assigned = [n for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "quick"]
     if len(tree.body) != 1 or not assigned:
-        raise Fault("the cell tagged quick must be one assignment, as in quick = {\"days\": 5.0}.")
+        raise Fault('the cell tagged quick must be one assignment, as in quick = {"days": 5.0}.')
     values = _literal(assigned[0].value, source)
     if not isinstance(values, dict):
         raise Fault(f"quick = {values!r} is no dictionary of parameter values.")
@@ -247,7 +258,9 @@ def _read_cell(source: str) -> list[Parameter]:
         if isinstance(node, ast.Assign) and len(node.targets) == 1 and isinstance(node.targets[0], ast.Name):
             name = node.targets[0].id
         else:
-            raise Fault(f"line {node.lineno} of the parameters cell, {line!r}, is no assignment of a literal to a name.")
+            raise Fault(
+                f"line {node.lineno} of the parameters cell, {line!r}, is no assignment of a literal to a name."
+            )
         try:
             comment = comments.get(node.end_lineno or node.lineno, "")
             found.append(_describe(name, _literal(node.value, ast.unparse(node.value)), comment))
@@ -257,7 +270,7 @@ def _read_cell(source: str) -> list[Parameter]:
 
 
 def _describe(name: str, default: Any, comment: str) -> Parameter:
-    """Parameter from its default and its comment `<range> <unit>: <help>`; a None default's unit begins with its type."""
+    """Parameter from default and comment `<range> <unit>: <help>`; a None default's unit begins with its type."""
     bounds = _INTERVAL.match(comment)
     braces = _CHOICES.match(comment)
     rest = comment[(bounds or braces).end() :] if bounds or braces else comment  # type: ignore[union-attr]

@@ -58,7 +58,9 @@ class Params(Mapping[str, Any]):
             raise AttributeError(f"{name} is no parameter; there are {', '.join(self._values)}.") from None
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise AttributeError(f"{name} cannot be set here: parameters are given in the parameters cell or on the command line.")
+        raise AttributeError(
+            f"{name} cannot be set here: parameters are given in the parameters cell or on the command line."
+        )
 
     def __repr__(self) -> str:
         return f"Params({', '.join(f'{k}={v!r}' for k, v in self._values.items())})"
@@ -92,7 +94,8 @@ class Notebook:
         self._staging = self.out.with_name(f".{self.out.name}.partial-{os.getpid()}")
         shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier execution in this Jupyter kernel
         atexit.register(shutil.rmtree, self._staging, ignore_errors=True)
-        self._memo = Memo(self._root / ".cache" / "memo")
+        self._notes: list[str] = []
+        self._memo = Memo(self._root / ".cache" / "memo", note=self._notes.append)
         self._metrics: dict[str, dict[str, Any]] = {}
         self._arrays: dict[str, np.ndarray] = {}
         self._units: dict[str, str] = {}
@@ -103,8 +106,8 @@ class Notebook:
         """The function with its results kept on disk, keyed by arguments and code; see `memo.Memo`."""
         return self._memo(function, ignore)
 
-    def record(self, key: str, value: float, unit: str = "", finite: bool = True) -> float:
-        """Record a number under a dotted name, in SI unless the name says otherwise, and give it back.
+    def record(self, key: str, value: float, unit: str = "", finite: bool = True) -> None:
+        """Record a number under a dotted name, in SI unless the name says otherwise.
 
         Raises Fault for a name that is malformed or taken, and for a value that is no number, or not finite where
         `finite` holds (else it is recorded as null).
@@ -117,10 +120,9 @@ class Notebook:
         if not math.isfinite(value) and finite:
             raise Fault(f"{key} = {value} is not finite; say finite=False where that is meant.")
         self._metrics[key] = {"value": value if math.isfinite(value) else None, "unit": unit}
-        return value
 
-    def array(self, key: str, values: ArrayLike, unit: str = "", finite: bool = True) -> np.ndarray:
-        """Record an array of numbers under a dotted name, and give it back; raises Fault as `record` does."""
+    def array(self, key: str, values: ArrayLike, unit: str = "", finite: bool = True) -> None:
+        """Record an array of numbers under a dotted name; raises Fault as `record` does."""
         self._claim(key, self._arrays, _KEY, "a dotted name such as residual.ukf")
         array = np.asarray(values)
         if array.dtype.kind not in "fiubc":
@@ -129,7 +131,6 @@ class Notebook:
             bad = np.argwhere(~np.isfinite(array))[0].tolist()
             raise Fault(f"{key} is not finite at index {bad}; say finite=False where that is meant.")
         self._arrays[key], self._units[key] = array, unit
-        return array
 
     def figure(
         self, name: str, draw: Callable[..., Any], *args: Any, caption: str, alt: str,
@@ -154,7 +155,10 @@ class Notebook:
             with style.theme(theme):
                 figure = draw(*args, **kwargs)
                 if not hasattr(figure, "savefig"):
-                    raise Fault(f"{getattr(draw, '__name__', draw)} gave {type(figure).__name__} for figure {name}; it must return a matplotlib Figure.")
+                    raise Fault(
+                        f"{getattr(draw, '__name__', draw)} gave {type(figure).__name__} for figure {name}; "
+                        "it must return a matplotlib Figure."
+                    )
                 buffer = io.BytesIO()
                 figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})  # same figure, same bytes
                 width = round(float(figure.get_size_inches()[0]) * 100)
@@ -177,7 +181,7 @@ class Notebook:
     ) -> None:  # fmt: skip
         """Keep a table as CSV (full digits) and display it (four digits, or by the `formats` of the columns).
 
-        header: (k,) names, units in them; rows: each (k,) of numbers, texts or None; formats: (k,) such as ".3e" or None.
+        header: (k,) names with units; rows: each (k,) of numbers, texts or None; formats: (k,) such as ".3e" or None.
         """
         self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
         rows = [list(row) for row in rows]
@@ -192,7 +196,10 @@ class Notebook:
             "name": name,
             "caption": caption,
             "header": [str(h) for h in header],
-            "rows": [[display.cell(v, f if isinstance(v, numbers.Real) else None) for v, f in zip(r, forms, strict=True)] for r in rows],
+            "rows": [
+                [display.cell(v, f if isinstance(v, numbers.Real) else None) for v, f in zip(r, forms, strict=True)]
+                for r in rows
+            ],
             "align": ["right" if n else "left" for n in numeric],
             "files": {"csv": f"tables/{name}.csv"},
         }
@@ -207,8 +214,18 @@ class Notebook:
 
         return claims.decided_by(self._root, self.name)
 
+    def printed(self, claim: str) -> float:
+        """The number that the paper prints, as we read it, from its ledger. Raises Fault for an unknown claim or one without a number."""
+        from geokalman.reproduce import claims
+
+        for entry in claims.ledger(self._root, self.name.partition("/")[0]):
+            value = entry.printed if entry.reads is None else entry.reads
+            if entry.id == claim and isinstance(value, numbers.Real):
+                return float(value)
+        raise Fault(f"{claim} is no claim with a printed number in the ledger of {self.name.partition('/')[0]}.")
+
     def verdicts(self) -> None:
-        """Show the claims that this notebook's numbers decide; with other parameters than the paper's nothing is judged."""
+        """Show the claims that this notebook's numbers decide; nothing is judged but at the paper's parameters."""
         from geokalman.reproduce import claims
 
         header, rows, caption = claims.of_notebook(self._root, self.name, self._metrics, judge=self.mode == "paper")
@@ -227,6 +244,7 @@ class Notebook:
             "arrays": {k: {"shape": list(a.shape), "unit": self._units[k]} for k, a in self._arrays.items()},
             "figures": [k for k, r in self._shown.items() if r["kind"] == "figure"],
             "tables": [k for k, r in self._shown.items() if r["kind"] == "table"],
+            "notes": self._notes,
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "seconds": round(time.perf_counter() - self._started, 3),
         }
@@ -275,7 +293,9 @@ def _columns(name: str, data: Mapping[str, ArrayLike], every: int) -> bytes:
     columns = {column: np.asarray(values) for column, values in data.items()}
     for column, values in columns.items():
         if values.ndim != 1:
-            raise Fault(f"Column {column} of figure {name} has shape {values.shape}; a column has one dimension (ravel a map).")
+            raise Fault(
+                f"Column {column} of figure {name} has shape {values.shape}; a column has one dimension (ravel a map)."
+            )
     lengths = {column: len(values) for column, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise Fault(f"The columns of figure {name} have different lengths, {lengths}; fill the shorter ones with nan.")
@@ -284,7 +304,9 @@ def _columns(name: str, data: Mapping[str, ArrayLike], every: int) -> bytes:
 
 def _csv(rows: Iterable[Sequence[Any]]) -> bytes:
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)  # floats as repr: the shortest text that reads back the same
+    csv.writer(buffer, lineterminator="\n").writerows(
+        rows
+    )  # floats as repr: the shortest text that reads back the same
     return buffer.getvalue().encode()
 
 

@@ -1,7 +1,7 @@
 """Stored references of recorded numbers and arrays: a tolerance beside every key, renewed only with a reason.
 
-`tests/reference/<paper>/<notebook>.json` (paper scale) and `.quick.json` hold key -> {value, unit, tolerance}; arrays are
-sampled into the `.npz` beside and have {shape, stride, unit, tolerance}. `anchors.yml` holds the numbers of the
+`tests/reference/<paper>/<notebook>.json` (paper scale) and `.quick.json` hold key -> {value, unit, tolerance}; arrays
+are sampled into the `.npz` beside and have {shape, stride, unit, tolerance}. `anchors.yml` holds the numbers of the
 specification that ours must meet. A tolerance is one of rel, abs, factor, max, min.
 """
 
@@ -53,7 +53,7 @@ class Tolerance(BaseModel):
             return False
         if self.factor is not None:
             return ours * wanted > 0 and 1 / self.factor <= ours / wanted <= self.factor
-        return abs(ours - wanted) <= (self.abs if self.abs is not None else self.rel * abs(wanted))  # type: ignore[operator]
+        return abs(ours - wanted) <= (self.abs if self.abs is not None else (self.rel or 0.0) * abs(wanted))
 
     def __str__(self) -> str:
         [(kind, value)] = self.model_dump(exclude_none=True).items()
@@ -99,7 +99,9 @@ def load(root: Path, name: str, mode: str) -> tuple[dict[str, dict[str, Any]], d
     """Stored entries and array samples of a notebook; raises Fault where there is no reference or it is malformed."""
     path = path_of(root, name, mode)
     if not path.is_file():
-        raise Fault(f"{name} has no reference at {mode} scale ({path.relative_to(root)}); make one with: make reference.")
+        raise Fault(
+            f"{name} has no reference at {mode} scale ({path.relative_to(root)}); make one with: make reference."
+        )
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))
         with np.load(path.with_suffix(".npz")) as stored:
@@ -162,7 +164,9 @@ def _number_difference(key: str, entry: Mapping[str, Any], now: Mapping[str, Any
     return Difference(key, stored, ours, entry["unit"], str(tolerance), problem)
 
 
-def _array_difference(key: str, entry: Mapping[str, Any], stored: np.ndarray | None, now: np.ndarray | None) -> Difference:
+def _array_difference(
+    key: str, entry: Mapping[str, Any], stored: np.ndarray | None, now: np.ndarray | None
+) -> Difference:
     tolerance, unit = _tolerance(key, entry), entry["unit"]
 
     def found(worst: float | None, problem: str) -> Difference:
@@ -179,11 +183,13 @@ def _array_difference(key: str, entry: Mapping[str, Any], stored: np.ndarray | N
     limit = tolerance.abs if tolerance.abs is not None else (tolerance.rel or 0.0) * largest
     if tolerance.max is not None:
         worst, limit = float(np.nanmax(np.abs(ours), initial=0.0)), tolerance.max
-    return found(worst, "" if same and worst <= limit else f"differs by up to {worst:.3g}, beyond {tolerance} of {largest:.3g}")
+    return found(
+        worst, "" if same and worst <= limit else f"differs by up to {worst:.3g}, beyond {tolerance} of {largest:.3g}"
+    )
 
 
 def renew(root: Path, folder: Path) -> list[Difference]:
-    """Store the run in `folder` as reference, keeping the tolerances; gives what moved (all keys where it is the first)."""
+    """Store the run in `folder` as reference, keeping the tolerances; gives what moved (all keys of a first one)."""
     told, metrics, arrays = read_run(folder)
     name, mode = told["notebook"], told["mode"]
     if mode not in ("paper", "quick"):
@@ -261,6 +267,14 @@ def hold(wanted: Iterable[Anchor], metrics: Mapping[str, Mapping[str, Any]]) -> 
     for anchor in wanted:
         now = metrics.get(anchor.key)
         ours = now["value"] if now else None
-        problem = "not recorded" if ours is None else "" if anchor.tolerance.holds(ours, anchor.value) else f"beyond {anchor.tolerance}"
-        found.append(Difference(anchor.key, anchor.value, ours, now["unit"] if now else "", str(anchor.tolerance), problem))
+        problem = (
+            "not recorded"
+            if ours is None
+            else ""
+            if anchor.tolerance.holds(ours, anchor.value)
+            else f"beyond {anchor.tolerance}"
+        )
+        found.append(
+            Difference(anchor.key, anchor.value, ours, now["unit"] if now else "", str(anchor.tolerance), problem)
+        )
     return found

@@ -13,12 +13,14 @@ from geokalman.reproduce.progress import Display
 
 
 def renew(root: Path, reason: str, names: Sequence[str] | None = None, quick: bool = True) -> int:
-    """Renew the references of `names` (default: all notebooks), print what moved, note the reason; gives how many moved.
+    """Renew the references of `names` (default: all notebooks), print what moved, note the reason; gives how many.
 
     Raises Misuse where the reason is empty, or a notebook's run in the book is not from the present sources.
     """
     if not reason.strip():
-        raise Misuse('references are renewed for a reason: --reason "why the numbers move" (it goes into CHANGELOG.md).')
+        raise Misuse(
+            'references are renewed for a reason: --reason "why the numbers move" (it goes into CHANGELOG.md).'
+        )
     names = list(names or notebooks.names(root))
     for name in names:
         if not graph.is_fresh(graph.run_folder(root, name), graph.key(root, name)):
@@ -30,7 +32,9 @@ def renew(root: Path, reason: str, names: Sequence[str] | None = None, quick: bo
         with tempfile.TemporaryDirectory() as scratch, Display() as display:
             for name in names:
                 with display.notebook(f"{name} (quick)") as progress:
-                    folder = execute.run(root, name, out=Path(scratch) / name, quick=True, page=False, progress=progress)
+                    folder = execute.run(
+                        root, name, out=Path(scratch) / name, quick=True, page=False, progress=progress
+                    )
                 moved += _store(root, name, "quick", folder)
     if moved:
         reference.note_reason(root, reason.strip(), moved)

@@ -7,6 +7,7 @@ away, one click from the reader; each page says how it was made and how to rerun
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from filelock import FileLock
 
 from geokalman.reproduce import notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
-from geokalman.reproduce.blocks import fill
+from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman.reproduce.errors import Fault
 
@@ -32,12 +33,16 @@ class StageError(Fault):
 def stage(root: Path) -> Path:
     """Write `book/_build/site/` from the pages of `book/_toc.yml` and the run folders; returns that folder.
 
-    The folder appears whole or not at all, and holds nothing of pages that left the book. Raises StageError where a page,
-    a run or a part of a run is missing.
+    The folder appears whole or not at all, and holds nothing of pages that left the book. Raises StageError where a
+    page, a run or a part of a run is missing.
     """
     book, site = root / "book", root / "book" / "_build" / "site"
     pages = toc_pages(book / "_toc.yml")
-    runs = {page: book / "_build" / "runs" / page for page in pages if page in notebooks.names(root)}
+    names = notebooks.names(root)
+    for name in names:
+        if name not in pages:
+            raise StageError(f"book/{name}.md is not in book/_toc.yml; add it there.")
+    runs = {page: book / "_build" / "runs" / page for page in pages if page in names}
     _require_all(book, pages, runs)
     with explained(site), alone(site):
         new = partial_path(site)
@@ -86,7 +91,7 @@ def toc_pages(toc: Path) -> list[str]:
 
 
 def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
-    """The executed notebook of `run` as a page of the book; what it shows or offers is copied into the folder `files`."""
+    """The executed notebook of `run` as a page of the book; what it shows or offers is copied into `files`."""
     notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
     files.mkdir(parents=True)
     cells: list[nbformat.NotebookNode] = []
@@ -99,7 +104,8 @@ def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.No
             if not cell.source:
                 continue
             shown = [_directive(page, output, run, files) for output in cell.outputs]
-            cell.outputs = [output for output, text in zip(cell.outputs, shown, strict=True) if text is None]
+            kept = (output for output, text in zip(cell.outputs, shown, strict=True) if text is None)
+            cell.outputs = [output for output in kept if not _echo(output)]
             _fold(cell)
             if cells and _joins(cells[-1], cell):
                 cells[-1].source += "\n\n" + cell.source
@@ -181,9 +187,19 @@ def _directive(page: str, output: nbformat.NotebookNode, run: Path, files: Path)
     return None
 
 
+def _echo(output: nbformat.NotebookNode) -> bool:
+    """Whether an output only echoes a cell's last expression; what is meant for readers is displayed or printed."""
+    return output.get("output_type") == "execute_result" and set(output.get("data", {})) <= {"text/plain"}
+
+
 def label(page: str, name: str) -> str:
-    """Label by which pages refer to a figure or table: its name; the table `verdicts`, one a notebook, adds the page's."""
-    return f"verdicts-{page.replace('/', '-')}" if name == "verdicts" else name
+    """Label of a figure or table for cross-references: its name; the table of `nb.verdicts()` takes the page's."""
+    return f"verdicts-{page.replace('/', '-')}" if _of_verdicts(name) else name
+
+
+def _of_verdicts(name: str) -> bool:
+    """Is a table of this name the one that `nb.verdicts()` shows?"""
+    return name.startswith("verdicts-")
 
 
 def _figure(page: str, record: dict, run: Path, files: Path) -> str:
@@ -198,9 +214,12 @@ def _figure(page: str, record: dict, run: Path, files: Path) -> str:
 
 
 def _table(page: str, record: dict, run: Path, files: Path) -> str:
-    rule = [{"right": "---:", "center": ":---:"}.get(align, "---") for align in record["align"]]
-    rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
-    body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
+    if _of_verdicts(record["name"]):
+        body = claims_table(record["header"], record["rows"])
+    else:
+        rule = ["---:" if align == "right" else "---" for align in record["align"]]
+        rows = [[_line(text).replace("|", "\\|") for text in row] for row in (record["header"], *record["rows"])]
+        body = "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
     head = f"```{{table}} {_line(record['caption'])}\n:name: {label(page, record['name'])}\n\n"
     return f"{head}{body}\n```\n{_data_link(record, run, files)}"
 
@@ -224,4 +243,4 @@ def _part(run: Path, inside: str) -> Path:
 
 
 def _line(text: str) -> str:
-    return " ".join(str(text).split())
+    return re.sub(r"[ \t\r\n]+", " ", text).strip(" ")  # no-break spaces stay

@@ -1,4 +1,4 @@
-"""YAML as people type it: YAML 1.2's reading of plain words, so that `1e-12` is a number, and `no` and `12:30` are text."""
+"""YAML as people type it, plain words read as YAML 1.2 does: `1e-12` is a number, `no` and `12:30` are text."""
 
 from __future__ import annotations
 

@@ -1,0 +1,133 @@
+"""Cost of the GRACE chain: orbits, filters, design rows, normal equations; minima, never a gate.
+
+    OPENBLAS_NUM_THREADS=1 python tests/benchmarks/bench_grace.py [--book]
+
+Without --book a day of orbit, a day of epochs and a few blocks of rows stand for 30 days; with it the whole paper-scale
+chain of the fifth notebook is timed once. The peer of the normal equations is the raw dsyrk on the same block.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+from scipy.linalg import blas
+
+from geokalman.constants import OMEGA_EARTH
+from geokalman.grace import assess, estimate, observables, recover, simulate
+from geokalman.grace.estimate import _filter, _smooth
+from geokalman.grace.model import Scenario, Tuning, distance, kinematic
+from geokalman.kalman.unscented import spread
+from geokalman.leastsquares import NormalEquations
+from geokalman.physics.frames import to_ecef
+from geokalman.physics.partials import column_count, design_block
+
+
+def smallest(work: Callable[[], object], runs: int = 7) -> float:
+    """Smallest wall time of `runs` calls after one that is not counted [s]."""
+    work()
+    times = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def bench_orbits() -> None:
+    scenario = Scenario(days=1.0)
+    gravity = scenario.gravity()
+    day = smallest(lambda: simulate.orbit_pair(scenario, gravity), 5)
+    print(f"pair of orbits, degree 70       {day:8.3f} s per day   {30 * day:8.2f} s for 30 days")
+
+
+def bench_filters(n: int = 2881) -> None:
+    """The application's compiled loops, memory allocated before: what an epoch costs."""
+    scenario = Scenario(days=(n - 1) / 2880, n_max=30)
+    gravity = scenario.gravity()
+    data = simulate.observe(simulate.orbit_pair(scenario, gravity), gravity)
+    tuning = Tuning()
+    Phi, Q = kinematic(data.dt, tuning.q(data.dt))
+    c, w = spread(9, 1.0, 0.0, 2.0)
+    x_pred, x, x_s = (np.empty((n, 9)) for _ in range(3))
+    P_pred, P, P_s = (np.empty((n, 9, 9)) for _ in range(3))
+    innovations = np.empty((n, 4))
+
+    def forward(kind: int) -> None:
+        _filter(
+            kind, data.baseline, data.rate, data.prior_mean, data.prior_cov, Phi, Q, tuning.sigma_r**2,
+            tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
+        )  # fmt: skip
+
+    for label, kind in (("filter, positions", 0), ("filter, positions and range-rate", 1), ("UKF, sequential", 2), ("EKF, simultaneous", 3), ("UKF, simultaneous", 4)):
+        print(f"{label:32s}{1e6 * smallest(lambda k=kind: forward(k), 15) / n:8.2f} us per epoch")
+    forward(2)
+    for label, covariances in (("RTS, states", False), ("RTS, states and covariances", True)):
+        cost = smallest(lambda both=covariances: _smooth(x_pred, P_pred, x, P, Phi, Q, both, x_s, P_s), 15)
+        print(f"{label:32s}{1e6 * cost / n:8.2f} us per epoch")
+    for label, method in (("ekf()", estimate.ekf), ("ukf()", estimate.ukf)):
+        cost = smallest(lambda m=method: m(data, tuning), 7)
+        print(f"{label + ', everything':32s}{1e6 * cost / n:8.2f} us per epoch   {86401 * cost / n:8.2f} s for 30 days")
+
+
+def bench_recovery(n_max: int = 70, rows: int = recover.BLOCK, right_sides: int = 11) -> None:
+    scenario = Scenario(days=1.0, n_max=n_max)
+    gravity = scenario.gravity()
+    orbit = simulate.orbit_pair(scenario, gravity)
+    r_A, r_B = (to_ecef(orbit.t, state[:, :3], OMEGA_EARTH)[:rows] for state in (orbit.A, orbit.B))
+    e = (r_A - r_B) / distance(r_A - r_B)[:, None]
+    unknowns = column_count(n_max)
+    design, y = np.empty((rows, unknowns)), np.random.default_rng(0).standard_normal((rows, right_sides))
+    cost = smallest(lambda: design_block(gravity.gm, gravity.radius, n_max, r_A, r_B, e, design))
+    print(f"design row, degree {n_max}           {1e6 * cost / rows:8.2f} us")
+    normals, raw = NormalEquations(unknowns, right_sides), np.zeros((unknowns, unknowns), order="F")
+    flop = float(rows) * unknowns**2
+    ours, peer = np.inf, np.inf
+    for _ in range(4):  # in turns, so that a busy moment hits both
+        ours = min(ours, smallest(lambda: normals.add(design, y), 1))
+        peer = min(peer, smallest(lambda: blas.dsyrk(1.0, design.T, beta=1.0, c=raw, lower=1, overwrite_c=1), 1))
+    print(f"normal equations                {flop / ours / 1e9:8.1f} GFLOP/s, raw dsyrk {flop / peer / 1e9:.1f} ({100 * peer / ours:.0f} %)")
+
+
+def bench_chain(days: float, n_max: int) -> None:
+    """Everything that the fifth notebook computes: orbits, data, eleven observables, recovery, unsmoothed geoid errors."""
+    stages: dict[str, float] = {}
+    start = time.perf_counter()
+
+    def done(stage: str) -> None:
+        stages[stage] = time.perf_counter() - start - sum(stages.values())
+
+    scenario = Scenario(days=days, n_max=n_max)
+    gravity = scenario.gravity()
+    orbit = simulate.orbit_pair(scenario, gravity)
+    done("orbits")
+    los = observables.observables(orbit, gravity, simulate.observe(orbit, gravity), Tuning(), Tuning(lambda_q=1500.0))
+    done("observables")
+    recovery = recover.recover(orbit, gravity, los)
+    done("recovery")
+    for name in recovery.ids:
+        assess.map_statistics(assess.geoid_error(recovery, name, gravity, 1.0, 0.0))
+    done("maps")
+    told = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in stages.items())
+    print(f"chain, {days:g} d, degree {n_max}: {sum(stages.values()):.2f} s ({told})")
+
+
+def main() -> None:
+    print(f"load {os.getloadavg()[0]:.2f}, OPENBLAS_NUM_THREADS {os.environ['OPENBLAS_NUM_THREADS']}; smallest of several runs")
+    bench_orbits()
+    bench_filters()
+    bench_recovery()
+    for _ in range(2):
+        bench_chain(5.0, 30)
+    if "--book" in sys.argv[1:]:
+        bench_chain(30.0, 70)
+
+
+if __name__ == "__main__":
+    main()

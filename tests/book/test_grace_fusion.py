@@ -1,0 +1,104 @@
+"""The notebooks of the primary paper at the scales of the specification: QUICK, and MID (degree 70, 5 days).
+
+Each test is one notebook at one scale, executed as `geokalman run` does; with xdist they run side by side.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import pytest
+from filelock import FileLock
+
+from geokalman.files import project_root
+from geokalman.reproduce import execute, reference
+
+PAPER = "grace-fusion"
+QUICK = ("01-orbits", "02-differentiation", "03-ekf", "04-ukf", "05-recovery", "06-geoid", "07-integrator")
+MID = QUICK[:4]
+ROOT = project_root(Path(__file__).parent)
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take hours in plain Python")
+
+
+def scales(*runs: tuple[str, tuple[str, ...]]) -> list:
+    """Parameters (scale, notebook)."""
+    return [pytest.param(scale, name, id=f"{scale}-{name}") for scale, names in runs for name in names]
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
+    """The run folder of a notebook at a scale; executed on first use, once for all workers of xdist."""
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if several else base) / PAPER
+    folder.mkdir(exist_ok=True)
+
+    def executed(scale: str, name: str) -> Path:
+        out = folder / f"{name}-{scale}"
+        with FileLock(folder / f"{name}-{scale}.lock"):
+            if not (out / "provenance.json").is_file():
+                given = {"days": 5.0} if scale == "mid" else {}
+                threads = 1 if several else os.cpu_count()
+                execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads)
+        return out
+
+    return executed
+
+
+@pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK), ("mid", MID)))
+def test_anchors_of_the_specification(run, scale, name):
+    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", scale)]
+    assert wanted, "every notebook has an anchor"
+    _, metrics, _ = reference.read_run(run(scale, name))
+    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))
+def test_stored_reference(run, scale, name):
+    stored = reference.path_of(ROOT, f"{PAPER}/{name}", scale)
+    assert stored.is_file(), f"{name} has no reference at {scale} scale; store one: make reference REASON=... (it needs make book)"
+    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(scale, name), scale) if d.problem]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))
+def test_figures_are_drawn_twice_with_their_data(run, scale, name):
+    folder = run(scale, name)
+    figures = reference.read_run(folder)[0]["figures"]
+    assert figures
+    for figure in figures:
+        for suffix in ("light.png", "dark.png", "csv"):
+            assert (folder / "figures" / f"{figure}.{suffix}").stat().st_size > 100, f"{figure}.{suffix}"
+    light, dark = ((folder / "figures" / f"{figures[0]}.{theme}.png").read_bytes() for theme in ("light", "dark"))
+    assert light != dark
+
+
+def test_every_notebook_of_the_paper_is_here():
+    assert sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md") if p.stem < "08") == list(QUICK)
+
+
+def test_book_anchors_name_what_is_recorded(run):
+    """A key of a paper-scale anchor is recorded by the quick run too, unless it needs degrees above 30 or days above 5."""
+    name = "05-recovery"
+    metrics = reference.read_run(run("quick", name))[1]
+    keys = [a.key for a in reference.anchors(ROOT, PAPER) if a.notebook == f"{PAPER}/{name}" and a.mode == "book"]
+    missing = [k for k in keys if k not in metrics and not any(word in k for word in ("above30", ".n50.", ".n70."))]
+    assert keys and not missing
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        ("01-orbits", {"a_km": 6400.0}, r"01-orbits: cell \[\d+\]: ValueError: a_km = 6400 with e = 0.0018 has its perigee 10.3 km"),
+        ("05-recovery", {"days": 0.2}, r"05-recovery: cell \[\d+\]: ValueError: 377 epochs .* cannot determine the 957 coefficients of degrees 2 to 30; give at least 0.40 days"),
+        ("03-ekf", {"edge": 8000}, r"03-ekf: cell \[\d+\]: ValueError: edge = 8000 epochs at either end leave nothing of 14401"),
+    ],
+    ids=["low-orbit", "few-epochs", "large-edge"],
+)
+def test_a_scenario_that_cannot_be_computed_says_so(tmp_path, name, given, message):
+    with pytest.raises(execute.ExecutionFailed, match=message):
+        execute.run(ROOT, f"{PAPER}/{name}", given, out=tmp_path / "out", quick=True, page=False, threads=1)
+    assert not (tmp_path / "out").exists()

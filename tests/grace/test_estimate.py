@@ -1,0 +1,525 @@
+"""The three methods: against other filters, closed forms, plain Python, noise statistics, and the specification's numbers."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+from scipy.interpolate import make_interp_spline
+from scipy.stats import chi2
+
+from geokalman import kalman
+from geokalman.grace import assess, estimate, observables
+from geokalman.grace.estimate import _range_rate_row
+from geokalman.grace.model import Observations, Tuning, distance, kinematic, range_rate
+from geokalman.kalman import unscented
+from geokalman.kalman.checks import NotPositiveDefinite
+
+TIGHT = Tuning.from_densities(30.0, 1e-6, 1e-3, 1e-6)
+METHODS = {"ekf": estimate.ekf, "ukf": estimate.ukf, "fused_ekf": estimate.fused_ekf}
+
+
+@pytest.fixture(scope="module")
+def short(tiny) -> Observations:
+    """The first 60 epochs of the short pair, with gaps: a component, a position, a range-rate, a whole epoch."""
+    baseline, rate = tiny.data.baseline[:60].copy(), tiny.data.rate[:60].copy()
+    baseline[7, 1] = baseline[20] = baseline[33] = np.nan
+    rate[12] = rate[33] = np.nan
+    return Observations(tiny.data.dt, baseline, rate, tiny.data.prior_mean, tiny.data.prior_cov)
+
+
+def core_position_filter(data: Observations, tuning: Tuning):
+    """The position-only filter by `kalman.filter_linear`."""
+    H = np.hstack([np.eye(3), np.zeros((3, 6))])
+    t = data.dt * np.arange(len(data.rate))
+    prior = kalman.gaussian(data.prior_mean, data.prior_cov)
+    return kalman.filter_linear(prior, t, data.baseline, H, tuning.sigma_r**2 * np.eye(3), kinematic(data.dt, tuning.q(data.dt)))
+
+
+def core_fused_filter(data: Observations, tuning: Tuning, which: str):
+    """Position, then range-rate, by the core's generic extended or unscented filter."""
+    Phi, Q = kinematic(data.dt, tuning.q(data.dt))
+
+    def gradient(x, t):
+        H = np.empty(9)
+        _range_rate_row(x, H)
+        return H[None]
+
+    sensors = [
+        kalman.Sensor(z=data.baseline, h=lambda x, t: x[:3], H=lambda x, t: np.eye(3, 9), R=tuning.sigma_r**2 * np.eye(3)),
+        kalman.Sensor(z=data.rate[:, None], h=lambda x, t: np.array([range_rate(x[:3], x[3:6])]), H=gradient, R=tuning.sigma_rr(data.dt) ** 2 * np.eye(1)),
+    ]
+    prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), data.dt * np.arange(len(data.rate))
+    if which == "ukf":
+        return kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, sensors, alpha=tuning.alpha, beta=tuning.beta, kappa=tuning.kappa)
+    return kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, sensors)
+
+
+def assert_same(ours, theirs, P, rel):
+    """States that agree within `rel` of their standard deviations."""
+    sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    assert np.abs((ours - theirs) / sigma).max() < rel
+
+
+# --- against other filters ------------------------------------------------------------------------------------------------
+
+
+def test_position_filter_is_the_core_linear_filter(short):
+    ours, theirs = estimate.ekf(short, Tuning(), covariances=True), core_position_filter(short, Tuning())
+    assert_same(ours.filtered.x, theirs.mean, theirs.cov, 1e-5)
+    np.testing.assert_allclose(ours.filtered.P, theirs.cov, rtol=1e-9, atol=1e-16)
+    smooth = kalman.smooth(theirs)
+    assert_same(ours.smoothed.x, smooth.mean, smooth.cov, 1e-5)
+    np.testing.assert_allclose(ours.smoothed.P, smooth.cov, rtol=1e-7, atol=1e-16)
+
+
+@pytest.mark.parametrize("which", ["ukf", "ekf"])
+def test_fused_filters_are_the_core_filters(short, which):
+    theirs = core_fused_filter(short, Tuning(), which)
+    ours = {"ukf": estimate.ukf, "ekf": estimate.fused_ekf}[which](short, Tuning())
+    assert_same(ours.filtered.x, theirs.mean, theirs.cov, 1e-5)
+    np.testing.assert_allclose(ours.innovations, theirs.whitened, rtol=0, atol=1e-4)
+    smooth = kalman.smooth(theirs)
+    assert_same(ours.smoothed.x, smooth.mean, smooth.cov, 1e-4)
+
+
+@pytest.mark.parametrize("which", ["ukf", "ekf"])
+def test_simultaneous_filters_are_the_core_filters_of_one_vector(tiny, which):
+    """Position and range-rate in one sensor of four components."""
+    data, tuning = Observations(30.0, tiny.data.baseline[:40], tiny.data.rate[:40], tiny.data.prior_mean, tiny.data.prior_cov), Tuning()
+    Phi, Q = kinematic(30.0, tuning.q(30.0))
+
+    def gradient(x, t):
+        H = np.eye(4, 9)
+        _range_rate_row(x, H[3])
+        return H
+
+    R = np.diag(np.r_[np.full(3, tuning.sigma_r**2), tuning.sigma_rr(30.0) ** 2])
+    sensor = kalman.Sensor(
+        z=np.column_stack([data.baseline, data.rate]), R=R, H=gradient, h=lambda x, t: np.append(x[:3], range_rate(x[:3], x[3:6]))
+    )
+    prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), 30.0 * np.arange(40)
+    if which == "ukf":
+        theirs = kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, [sensor], alpha=1.0, beta=0.0, kappa=2.0)
+    else:
+        theirs = kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, [sensor])
+    ours = {"ukf": estimate.ukf, "ekf": estimate.fused_ekf}[which](data, tuning, "simultaneous")
+    assert_same(ours.filtered.x, theirs.mean, theirs.cov, 1e-4)
+    np.testing.assert_allclose(ours.innovations, theirs.whitened, rtol=0, atol=1e-4)
+
+
+def test_three_states_per_axis_are_the_nine_states(tiny):
+    """Without range-rates the axes decouple: section 7's unit test, to 1e-9 m (positions are 2e5 m)."""
+    tuning, data = Tuning(), tiny.data
+    nine = estimate.ekf(data, tuning)
+    t = data.dt * np.arange(len(data.rate))
+    for axis in range(3):
+        prior = kalman.gaussian(data.prior_mean[axis::3], np.diag(data.prior_cov)[axis::3])
+        model = kalman.white_jerk(data.dt, tuning.q(data.dt), axes=1)
+        three = kalman.filter_linear(prior, t, data.baseline[:, axis : axis + 1], [[1.0, 0.0, 0.0]], [[tuning.sigma_r**2]], model)
+        np.testing.assert_allclose(nine.filtered.x[:, axis::3], three.mean, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(nine.smoothed.x[:, axis::3], kalman.smooth(three).mean, rtol=0, atol=1e-9)
+
+
+def test_unscented_update_of_a_linear_observation_is_the_kalman_update():
+    """Section 8: UKF = KF for a linear observation to 1e-10, at the prior of the application."""
+    Phi, Q = kinematic(30.0, Tuning().q(30.0))
+    prior = kalman.gaussian([2e5, 1e4, -3e4, 20.0, -5.0, 3.0, 0.1, 0.2, -0.3], Phi @ np.diag(np.repeat([1e-4, 1e-6, 1e-8], 3)) @ Phi.T + Q)
+    H, R, z = np.eye(3, 9), 1e-6 * np.eye(3), np.array([2e5 + 0.3, 1e4 - 0.2, -3e4 + 0.1])
+    linear, _ = kalman.linear.update(prior, z, H, R)
+    sigma, _ = unscented.update(prior, z, lambda x: H @ x, R, alpha=1.0, beta=0.0, kappa=2.0)
+    scale = np.sqrt(np.diag(linear.cov))
+    np.testing.assert_allclose((sigma.mean - linear.mean) / scale, 0.0, atol=1e-7)  # 1e-10 m on 2e5 m
+    np.testing.assert_allclose(sigma.mean, linear.mean, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(sigma.cov / np.outer(scale, scale), linear.cov / np.outer(scale, scale), rtol=0, atol=1e-9)
+
+
+def test_sequential_position_is_joint_position(short):
+    """Scalar updates of the three components are one vector update, where no range-rate is there to differ."""
+    silent = Observations(short.dt, short.baseline, np.full(60, np.nan), short.prior_mean, short.prior_cov)
+    reference = estimate.ekf(silent, Tuning())
+    for method in (estimate.ukf, estimate.fused_ekf):
+        for update in ("sequential", "simultaneous"):
+            np.testing.assert_array_equal(method(silent, Tuning(), update).smoothed.x, reference.smoothed.x)
+
+
+# --- gradient of the range-rate -------------------------------------------------------------------------------------------
+
+
+def test_gradient_of_the_range_rate_by_complex_step(tiny):
+    x = np.concatenate([tiny.orbit.dr[17], tiny.orbit.dv[17], [0.1, -0.2, 0.3]])
+    H = np.full(9, np.nan)
+    assert _range_rate_row(x, H) == pytest.approx(float(range_rate(x[:3], x[3:6])), rel=1e-14)
+    for j in range(9):
+        moved = x.astype(complex)
+        moved[j] += 1e-20j
+        rate = moved[:3] @ moved[3:6] / np.sqrt(moved[:3] @ moved[:3])
+        assert H[j] == pytest.approx(rate.imag / 1e-20, rel=1e-12, abs=1e-18)
+
+
+def test_gradient_of_the_range_rate_by_central_differences(tiny):
+    x = np.concatenate([tiny.orbit.dr[5], tiny.orbit.dv[5], np.zeros(3)])
+    H = np.empty(9)
+    _range_rate_row(x, H)
+    for j, step in enumerate([1.0] * 3 + [1e-3] * 6):
+        up, down = x.copy(), x.copy()
+        up[j] += step
+        down[j] -= step
+        slope = (range_rate(up[:3], up[3:6]) - range_rate(down[:3], down[3:6])) / (2 * step)
+        assert H[j] == pytest.approx(slope, rel=1e-7, abs=1e-11)
+
+
+def test_rate_sigma_is_the_propagated_covariance(short):
+    filtered = estimate.ekf(short, Tuning()).filtered
+    sigma = filtered.rate_sigma(slice(10, 15))
+    H = np.empty(9)
+    for k, s in zip(range(10, 15), sigma, strict=True):
+        _range_rate_row(filtered.x[k], H)
+        assert s == pytest.approx(np.sqrt(H @ filtered.P[k] @ H), rel=1e-12)
+
+
+# --- compiled and plain ---------------------------------------------------------------------------------------------------
+
+_PLAIN = """
+import json, sys
+import numpy as np
+from geokalman.grace import estimate
+from geokalman.grace.model import Observations, Tuning
+data = Observations(**{k: np.array(v) if isinstance(v, list) else v for k, v in json.load(sys.stdin).items()})
+out = {}
+for name, method in (("ekf", estimate.ekf), ("ukf", estimate.ukf), ("fused_ekf", estimate.fused_ekf)):
+    for update in ("sequential", "simultaneous") if name != "ekf" else (None,):
+        words = {"update": update} if update else {}
+        found = method(data, Tuning(), covariances=True, **words)
+        out[f"{name}-{update}"] = [a.tolist() for a in (found.filtered.x, found.smoothed.x, found.smoothed.P, found.innovations)]
+json.dump(out, sys.stdout)
+"""
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_compiled_loops_are_the_plain_ones(short):
+    """Every loop with all its callees, without compilation, in another process; only fused multiply-adds may differ."""
+    given = {"dt": short.dt, "baseline": short.baseline, "rate": short.rate, "prior_mean": short.prior_mean, "prior_cov": short.prior_cov}
+    text = json.dumps({k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in given.items()})
+    done = subprocess.run(
+        [sys.executable, "-c", _PLAIN], input=text, capture_output=True, text=True, check=True, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    )
+    for key, (filtered, smoothed, P, innovations) in json.loads(done.stdout).items():
+        name, update = key.split("-")
+        words = {} if update == "None" else {"update": update}
+        ours = METHODS[name](short, Tuning(), covariances=True, **words)
+        assert_same(ours.filtered.x, np.array(filtered), ours.filtered.P, 1e-5)
+        assert_same(ours.smoothed.x, np.array(smoothed), ours.smoothed.P, 1e-4)
+        np.testing.assert_allclose(ours.smoothed.P, np.array(P), rtol=1e-6, atol=1e-15)
+        np.testing.assert_allclose(ours.innovations, np.array(innovations), rtol=0, atol=1e-4)
+
+
+# --- gaps -----------------------------------------------------------------------------------------------------------------
+
+
+def test_gaps_leave_no_innovation_and_no_nan(short):
+    for update in ("sequential", "simultaneous"):
+        found = estimate.ukf(short, Tuning(), update, covariances=True)
+        np.testing.assert_array_equal(np.isnan(found.innovations), np.column_stack([np.isnan(short.baseline), np.isnan(short.rate)]))
+        assert np.isfinite(found.filtered.x).all() and np.isfinite(found.smoothed.x).all()
+
+
+def test_a_gap_is_predicted_across(short):
+    """At an epoch with nothing, filtered is predicted; the smoother closes the gap from both sides."""
+    found = estimate.ukf(short, Tuning(), covariances=True)
+    Phi, Q = kinematic(short.dt, Tuning().q(short.dt))
+    np.testing.assert_allclose(found.filtered.x[33], Phi @ found.filtered.x[32], rtol=1e-14)
+    np.testing.assert_allclose(found.filtered.P[33], Phi @ found.filtered.P[32] @ Phi.T + Q, rtol=1e-12)
+    sigma = np.sqrt(found.smoothed.P[:, 0, 0])
+    assert sigma[33] > 2 * sigma[30]
+    assert sigma[33] < 0.25 * np.sqrt(found.filtered.P[33, 0, 0])
+
+
+def test_position_filter_needs_no_range_rates(short):
+    silent = Observations(short.dt, short.baseline, np.full(60, np.nan), short.prior_mean, short.prior_cov)
+    np.testing.assert_array_equal(estimate.ekf(silent, Tuning()).smoothed.x, estimate.ekf(short, Tuning()).smoothed.x)
+
+
+# --- what cannot be estimated ---------------------------------------------------------------------------------------------
+
+
+def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
+    """A prior of variance zero has no sigma points; the extended filter needs none."""
+    certain = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, np.zeros((9, 9)))
+    with pytest.raises(NotPositiveDefinite, match="not positive definite at epoch 0") as caught:
+        estimate.ukf(certain, Tuning())
+    assert caught.value.epoch == 0
+    with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
+        estimate.ukf(certain, Tuning(), "simultaneous")
+    assert np.isfinite(estimate.fused_ekf(certain, Tuning()).filtered.x).all()
+
+
+def test_an_overflow_is_refused_with_its_epoch(tiny):
+    """A prior so wide that the predicted covariance overflows: an error, not a silent NaN."""
+    wide = np.diag(np.repeat([1e-4, 1e-6, 1e306], 3))
+    data = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, wide)
+    for method in METHODS.values():
+        with pytest.raises(NotPositiveDefinite, match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
+            method(data, Tuning())
+    for method in (estimate.ukf, estimate.fused_ekf):
+        with pytest.raises(NotPositiveDefinite, match=r"at epoch 1\b"), np.errstate(all="ignore"):
+            method(data, Tuning(), "simultaneous")
+
+
+@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted covariance"), ("ukf", "covariance of the state or of the innovation"), ("fused_ekf", "covariance of the state or of the innovation")])
+def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
+    """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
+    wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
+    data = Observations(30.0, tiny.data.baseline, tiny.data.rate, tiny.data.prior_mean, wide)
+    with pytest.raises(NotPositiveDefinite, match=rf"the {matrix} is not positive definite at epoch \d+"):
+        METHODS[method](data, Tuning(lambda_q=1e-8))
+
+
+def test_newton_needs_nine_epochs(tiny):
+    few = Observations(30.0, tiny.data.baseline[:8], tiny.data.rate[:8], tiny.data.prior_mean, tiny.data.prior_cov)
+    with pytest.raises(ValueError, match="8 epochs are too few for a 9-point stencil"):
+        estimate.newton(few)
+
+
+def test_one_epoch_is_enough_for_a_filter(tiny):
+    one = Observations(30.0, tiny.data.baseline[:1], tiny.data.rate[:1], tiny.data.prior_mean, tiny.data.prior_cov)
+    found = estimate.ukf(one, Tuning(), covariances=True)
+    np.testing.assert_array_equal(found.smoothed.x, found.filtered.x)
+    np.testing.assert_array_equal(found.smoothed.P, found.filtered.P)
+
+
+# --- errata of section 5 --------------------------------------------------------------------------------------------------
+
+
+def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
+    """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do not."""
+    Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
+    assert Wm.shape == Wc.shape == (estimate.SIGMA_POINTS,) == (19,)
+    assert Wm[0] == pytest.approx(2 / 11) and Wc[0] == pytest.approx(2 / 11)
+    np.testing.assert_allclose(Wm[1:], 1 / 22)
+    assert Wm.sum() == pytest.approx(1.0, abs=1e-15)
+    assert Wm[1:].sum() == pytest.approx(9 / 11)  # the paper's "2n" points
+
+
+def test_erratum_sigma_points_use_the_columns_of_a_root_of_n_plus_lambda_P():
+    """(29)-(31): the points have the mean and covariance of the Gaussian."""
+    P = np.diag(np.repeat([1e-4, 1e-6, 1e-8], 3)) + 1e-9
+    chi = unscented.sigma_points(kalman.gaussian(np.arange(9.0), P), 1.0, 0.0, 2.0)
+    Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
+    np.testing.assert_allclose(Wm @ chi, np.arange(9.0), rtol=0, atol=1e-14)
+    spread = chi - np.arange(9.0)
+    np.testing.assert_allclose((Wc[:, None] * spread).T @ spread, P, rtol=1e-9, atol=1e-16)
+
+
+def test_erratum_27_plus_sign_makes_the_covariance_grow(short):
+    """P+ = P- + K Pee K' as printed: an observation that makes the state less certain."""
+    Phi, Q = kinematic(30.0, Tuning().q(30.0))
+    P = Phi @ short.prior_cov @ Phi.T + Q
+    H, R = np.eye(3, 9), 1e-6 * np.eye(3)
+    posterior, innovation = unscented.update(kalman.gaussian(np.zeros(9), P), np.zeros(3), lambda x: H @ x, R)
+    K = np.linalg.solve(innovation.S, H @ P).T
+    np.testing.assert_allclose(posterior.cov, P - K @ innovation.S @ K.T, rtol=0, atol=1e-9 * P.max())
+    printed = P + K @ innovation.S @ K.T
+    assert (np.linalg.eigvalsh(P - posterior.cov) > -1e-9 * P.max()).all()
+    assert np.linalg.eigvalsh(P - printed).min() < -0.5 * P.max()
+
+
+def test_errata_39_41_need_process_and_observation_noise(short):
+    """Without Q_d the filter's steady velocity sigma falls towards zero; without R a position is believed exactly."""
+    Phi, Q = kinematic(30.0, Tuning().q(30.0))
+    with_Q = unscented.predict(kalman.gaussian(np.zeros(9), short.prior_cov), lambda x: Phi @ x, Q, 1.0, 0.0, 2.0)
+    np.testing.assert_allclose(with_Q.cov, Phi @ short.prior_cov @ Phi.T + Q, rtol=1e-12, atol=1e-18)
+    _, innovation = unscented.update(with_Q, np.zeros(3), lambda x: x[:3], 1e-6 * np.eye(3), 1.0, 0.0, 2.0)
+    np.testing.assert_allclose(innovation.S, with_Q.cov[:3, :3] + 1e-6 * np.eye(3), rtol=1e-12, atol=1e-18)
+
+
+def test_erratum_52_order_of_the_state(short):
+    """H of (52) picks the relative position from [dr, dv, da]; in the printed order it would observe an acceleration."""
+    x = estimate.ekf(short, Tuning()).filtered
+    there = ~np.isnan(short.baseline).any(axis=1)
+    assert np.abs(x.dr - short.baseline)[there].max() < 1.0
+    assert np.abs(x.x[:, 6:] - short.baseline)[there].max() > 1e4
+
+
+# --- honesty under noise --------------------------------------------------------------------------------------------------
+
+
+def white_jerk_truth(seed: int, n: int = 40):
+    """A truth that moves as the filter thinks: white jerk, a prior drawn from N(mean, P0), positions and rates with noise."""
+    rng, tuning = np.random.default_rng(seed), Tuning.from_densities(30.0, 1e-11, 0.02, 3e-6)
+    Phi, Q = kinematic(30.0, tuning.q(30.0))
+    mean = np.r_[1.2e5, -1.5e5, 9e4, 30.0, 40.0, -20.0, 0.02, 0.03, -0.01]
+    P0 = np.diag(np.repeat([1e-4, 1e-6, 1e-8], 3))
+    scale = np.sqrt(np.diag(Q))
+    root = scale[:, None] * np.linalg.cholesky(Q / np.outer(scale, scale))
+    x = np.empty((n, 9))
+    x[0] = mean + np.sqrt(np.diag(P0)) * rng.standard_normal(9)
+    for k in range(1, n):
+        x[k] = Phi @ x[k - 1] + root @ rng.standard_normal(9)
+    baseline = x[:, :3] + 0.02 * rng.standard_normal((n, 3))
+    rate = range_rate(x[:, :3], x[:, 3:6]) + 3e-6 * rng.standard_normal(n)
+    return x, Observations(30.0, baseline, rate, mean, P0), tuning
+
+
+@pytest.mark.parametrize("name", ["ekf", "ukf", "fused_ekf"])
+def test_covariances_are_honest(name):
+    """NEES of filter and smoother and NIS of the innovations inside the 99.9 % chi-square bounds; innovations are white."""
+    runs = 12 if numba.config.DISABLE_JIT else 60
+    filtered, smoothed, innovations = [], [], []
+    for seed in range(runs):
+        x, data, tuning = white_jerk_truth(seed)
+        found = METHODS[name](data, tuning, covariances=True)
+        filtered.append(kalman.nees(found.filtered.x[-1] - x[-1], found.filtered.P[-1]))
+        smoothed.append(kalman.nees(found.smoothed.x[20] - x[20], found.smoothed.P[20]))
+        innovations.append(found.innovations)
+    low, high = kalman.chi_square_bounds(np.full(runs, 9), 0.999)
+    assert low < np.mean(filtered) < high
+    assert low < np.mean(smoothed) < high
+    values, dof = kalman.nis(np.concatenate(innovations))
+    assert dof.max() == (3 if name == "ekf" else 4)
+    low, high = kalman.chi_square_bounds(dof, 0.999)
+    assert low < values.mean() < high
+    columns = slice(0, 3) if name == "ekf" else slice(0, 4)
+    p = [kalman.whiteness(one[:, columns], 5).p_value for one in innovations]
+    assert chi2.sf(-2 * np.sum(np.log(p)), 2 * runs) > 1e-3  # Fisher's combination of the runs
+
+
+def test_filters_on_a_wrong_noise_are_found_out():
+    """The same test must fail where the filter believes half the noise."""
+    values = []
+    for seed in range(10):
+        _, data, tuning = white_jerk_truth(seed)
+        wrong = Tuning.from_densities(30.0, tuning.q(30.0), 0.01, 3e-6)
+        values.append(estimate.ukf(data, wrong).innovations)
+    found, dof = kalman.nis(np.concatenate(values))
+    assert found.mean() > kalman.chi_square_bounds(dof, 0.999)[1]
+
+
+# --- smoother and spline --------------------------------------------------------------------------------------------------
+
+
+def test_smoother_with_a_free_jerk_is_the_quintic_spline():
+    """Section 8: lambda_q = 1e8 on one axis; interior rates agree within 2 % of the spline's own error."""
+    n, dt = 400, 30.0
+    t = dt * np.arange(n)
+    series = 2.2e5 + 800 * np.sin(2 * np.pi * t / 5626) + 0.05 * np.sin(2 * np.pi * 40 * t / 5626 + 1.0)
+    slope = 2 * np.pi / 5626 * (800 * np.cos(2 * np.pi * t / 5626) + 2.0 * np.cos(2 * np.pi * 40 * t / 5626 + 1.0))
+    baseline = np.column_stack([series, np.zeros(n), np.zeros(n)])
+    prior = np.r_[series[0], 0, 0, slope[0], np.zeros(5)]
+    data = Observations(dt, baseline, np.full(n, np.nan), prior, np.diag(np.repeat([1.0, 1.0, 1.0], 3)))
+    ours = estimate.ekf(data, Tuning(lambda_q=1e8)).smoothed.x[:, 3]
+    spline = make_interp_spline(t, series, k=5).derivative()(t)
+    inside = slice(60, -60)
+    assert np.abs(ours - spline)[inside].max() < 0.02 * np.abs(spline - slope)[inside].max()
+
+
+# --- the specification's numbers -------------------------------------------------------------------------------------------
+
+
+def residual(rate, flight):
+    return assess.statistics(assess.range_rate_residual(rate, flight.orbit))
+
+
+def test_ekf_row_at_degree_70(mid, mid_ekf):
+    """Section 8, g03 MID; what is rounded in 6.1 and 6.2 to its tolerance."""
+    smoothed, filtered = residual(mid_ekf.smoothed.rate, mid), residual(mid_ekf.filtered.rate, mid)
+    assert smoothed.std == pytest.approx(7.469e-7, rel=0.01)
+    assert smoothed.min == pytest.approx(-7.39e-6, rel=0.03)
+    assert smoothed.max == pytest.approx(7.61e-6, rel=0.03)
+    assert abs(smoothed.mean) < 1e-9
+    assert filtered.mean == pytest.approx(5.883e-4, rel=0.02)
+    assert filtered.std == pytest.approx(6.74e-4, rel=0.02)
+
+
+def test_ekf_row_at_degree_30(quick):
+    assert residual(estimate.ekf(quick.data, Tuning()).smoothed.rate, quick).std == pytest.approx(3.195e-8, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("lambda_q", "rate", "los"),
+    [(1500, 11.36, 0.86), (3000, 8.37, 2.40), (4000, 7.60, 2.93), (4500, 7.35, 3.11), (5000, 7.14, 3.25), (6000, 6.83, 3.47), (8000, 6.45, 3.75), (1e5, 5.37, 4.53)],
+)
+def test_curve_of_weights(mid, lambda_q, rate, los):
+    """Table of section 6.2, 1e-7 m/s within 1 %, 1e-8 m/s^2 within its last digit."""
+    smoothed = estimate.ekf(mid.data, Tuning(lambda_q=float(lambda_q))).smoothed
+    assert residual(smoothed.rate, mid).std == pytest.approx(1e-7 * rate, rel=0.01)
+    exact = observables.exact(mid.orbit, mid.gravity)
+    assert assess.statistics(smoothed.los - exact).std == pytest.approx(1e-8 * los, abs=0.006e-8)
+
+
+def test_bias_of_the_smoothed_acceleration(mid, mid_ekf):
+    """Section 6.5: -4.8e-10 m/s^2, the quintic spline's error of the once-per-revolution motion."""
+    exact = observables.exact(mid.orbit, mid.gravity)
+    assert assess.statistics(mid_ekf.smoothed.los - exact).mean == pytest.approx(-4.8e-10, rel=0.05)
+
+
+def test_ukf_row_at_degree_70(mid, mid_ukf):
+    smoothed, filtered = residual(mid_ukf.smoothed.rate, mid), residual(mid_ukf.filtered.rate, mid)
+    assert smoothed.std == pytest.approx(5.368e-7, rel=0.01)
+    assert smoothed.min == pytest.approx(-5.582e-6, rel=0.03)
+    assert smoothed.max == pytest.approx(5.489e-6, rel=0.03)
+    assert filtered.mean == pytest.approx(2.190e-4, rel=0.02)
+
+
+def test_ukf_row_at_degree_30(quick):
+    assert residual(estimate.ukf(quick.data, Tuning()).smoothed.rate, quick).std == pytest.approx(2.862e-8, rel=0.01)
+
+
+def test_extended_and_unscented_filter_agree_on_the_same_data(mid, mid_ukf):
+    """max |UKF - EKF| < 1e-9 m/s: the gain is the observation's, not the transform's."""
+    fused = estimate.fused_ekf(mid.data, Tuning())
+    assert np.abs(fused.smoothed.rate - mid_ukf.smoothed.rate)[100:-100].max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("sigma", "rate", "los"),
+    [(1e-5, 2.2e-9, 1.10), (3e-5, 2.0e-8, 1.02), (5e-5, 5.1e-8, 0.89), (7e-5, 9.3e-8, 0.75), (1e-4, 1.66e-7, 0.67), (2e-4, 3.86e-7, 1.42), (3e-4, 5.20e-7, 2.07)],
+)
+def test_residual_can_be_dialled(mid, sigma, rate, los):
+    """Table of section 6.3, to its last digit."""
+    tuning = Tuning.from_densities(30.0, Tuning(lambda_q=4500.0).q(30.0), 1e-3, sigma)
+    smoothed = estimate.ukf(mid.data, tuning).smoothed
+    assert residual(smoothed.rate, mid).std == pytest.approx(rate, rel=0.03)
+    exact = observables.exact(mid.orbit, mid.gravity)
+    assert assess.statistics(smoothed.los - exact).std == pytest.approx(1e-8 * los, abs=0.006e-8)
+
+
+def test_tight_weights_reproduce_the_datum(mid):
+    """Section 8: residual below 1e-10 m/s with q = 1e-6, 1e-6 m/s; 6.4: extended and unscented agree to 1e-12."""
+    series = {name: METHODS[name](mid.data, TIGHT).smoothed for name in ("ukf", "fused_ekf")}
+    for smoothed in series.values():
+        assert np.abs(assess.range_rate_residual(smoothed.rate, mid.orbit))[100:-100].max() < 1e-10
+    assert np.abs(series["ukf"].rate - series["fused_ekf"].rate)[100:-100].max() < 1e-11
+
+
+@pytest.mark.parametrize(("name", "mean", "std"), [("fused_ekf", 9.26e-6, 2.7e-7), ("ukf", 3.57e-6, 2.7e-7)])
+def test_simultaneous_update_is_biased(mid, name, mean, std):
+    """Section 6.4, 5 d, tight weights: the datum is linearised at a predicted state that is a metre off."""
+    found = residual(METHODS[name](mid.data, TIGHT, "simultaneous").smoothed.rate, mid)
+    assert found.mean == pytest.approx(mean, rel=0.03)
+    assert found.std == pytest.approx(std, rel=0.03)
+
+
+def test_simultaneous_update_at_the_default_weights(mid):
+    """Section 8: mean 6.42e-7 (3 %); extended and unscented equal to 1e-10."""
+    both = [METHODS[name](mid.data, Tuning(), "simultaneous").smoothed.rate for name in ("ukf", "fused_ekf")]
+    assert residual(both[0], mid).mean == pytest.approx(6.42e-7, rel=0.03)
+    assert residual(both[0], mid).std == pytest.approx(5.38e-7, rel=0.01)
+    assert np.abs(both[0] - both[1])[100:-100].max() < 1e-9
+
+
+def test_only_the_ratios_matter_without_noise(mid, mid_ukf):
+    """sigma_r scales every covariance and no state, but for the prior and the second-order term."""
+    scaled = estimate.ukf(mid.data, Tuning(sigma_r=1e-2))
+    assert residual(scaled.smoothed.rate, mid).std == pytest.approx(residual(mid_ukf.smoothed.rate, mid).std, rel=1e-4)
+
+
+def test_estimates_lie_near_the_truth(mid, mid_ukf):
+    """Section 7: smoothed positions differ from the true ones by 4 to 6e-6 m."""
+    error = distance(mid_ukf.smoothed.dr - mid.orbit.dr)[100:-100]
+    assert 1e-6 < np.sqrt(np.mean(error**2)) < 1e-5

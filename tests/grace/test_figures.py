@@ -1,0 +1,418 @@
+"""Every figure of the paper: the data in the lines, the limits, the labels with their units, in both themes; and smoke images.
+
+The images (`--mpl`) catch what no artist tells; they are small, and text is removed, since fonts differ between machines.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import same_color
+from matplotlib.figure import Figure
+
+from geokalman import style
+from geokalman.constants import A_EARTH
+from geokalman.grace import field_figures, figures, observables
+from geokalman.style import METHODS
+
+T = 30.0 * np.arange(2000)
+WAVE = np.sin(2 * np.pi * T / 5600)
+DEGREE = np.arange(2, 71)
+IDS = ("X", "N1", "N2", "E0", "E1", "E2", "U1", "U2", "K0", "B11", "P2")
+
+
+@pytest.fixture(params=["light", "dark"])
+def theme(request) -> Iterator[dict[str, str]]:
+    """Colours of the theme in force; all figures are closed after."""
+    with style.theme(request.param) as colours:
+        yield {**colours, "name": request.param}
+    plt.close("all")
+
+
+def line(axes, label: str):
+    """The one line of the axes with this label."""
+    [found] = [artist for artist in axes.get_lines() if artist.get_label() == label]
+    return found
+
+
+def texts(legend) -> list[str]:
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def assert_dressed(figure: Figure, theme: dict[str, str]) -> None:
+    """Paper and ink are the theme's."""
+    assert same_color(figure.get_facecolor(), theme["paper"])
+    for axes in figure.axes:
+        for label in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            assert same_color(label.get_color(), theme["ink"])
+
+
+def circle(radius: float) -> np.ndarray:
+    u = np.linspace(0, 2 * np.pi, 300)
+    return radius * np.column_stack([np.cos(u), 0.3 * np.sin(u), np.sin(u)])
+
+
+# --- figures.py ----------------------------------------------------------------------------------------------------------
+
+
+def test_orbits_3d(theme):
+    A, B = circle(6.834e6), circle(6.83e6)
+    figure = figures.orbits_3d(A, B)
+    assert_dressed(figure, theme)
+    assert [a.get_title() for a in figure.axes] == ["(a) satellite A", "(b) satellite B"]
+    for axes, position, method in zip(figure.axes, (A, B), ("ekf", "newton"), strict=True):
+        [orbit] = axes.get_lines()
+        np.testing.assert_allclose(np.array(orbit.get_data_3d()).T, position / 1e6, rtol=1e-15)
+        assert same_color(orbit.get_color(), getattr(METHODS[method], theme["name"]))
+        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()) == ("x [1000 km]", "y [1000 km]", "z [1000 km]")
+        [globe] = axes.collections
+        assert np.linalg.norm(globe._segments3d[0][0]) == pytest.approx(A_EARTH / 1e6)
+
+
+def test_range_and_rate(theme):
+    rho, rate = 2.2e5 + 600 * WAVE, 0.7 * WAVE
+    figure = figures.range_and_rate(T, rho, rate)
+    assert_dressed(figure, theme)
+    upper, lower = figure.axes
+    for axes, series, label in ((upper, rho / 1e3, "range [km]"), (lower, rate, "range-rate [m/s]")):
+        [drawn] = axes.get_lines()
+        np.testing.assert_allclose(drawn.get_xydata(), np.column_stack([T / 3600, series]), rtol=1e-15)
+        assert axes.get_ylabel() == label
+    assert lower.get_xlabel() == "time [h]"
+    assert upper.get_xlim() == lower.get_xlim()
+
+
+@pytest.mark.parametrize("gaps", [[26.0, 20.0, 7.3, 3.9, 1.12], [300.0]])
+def test_node_gaps(theme, gaps):
+    days = list(range(1, len(gaps) + 1))
+    figure = figures.node_gaps(days, gaps)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    drawn, limit = axes.get_lines()
+    np.testing.assert_array_equal(drawn.get_xydata(), np.column_stack([days, gaps]))
+    assert drawn.get_drawstyle() == "steps-post" and axes.get_yscale() == "log"
+    assert limit.get_ydata()[0] == pytest.approx(180 / 70)
+    assert texts(axes.get_legend()) == ["half a wavelength at degree 70"]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("length of the simulation [d]", "largest gap between nodes [deg]")
+    shown = axes.get_yticks()
+    assert len(shown) >= 1 and min(shown) >= 0.5 * min(gaps) and max(shown) <= 2 * max(gaps)
+
+
+def test_residuals(theme):
+    series = {"newton": 2e-6 * WAVE, "ekf": 7e-7 * WAVE, "ukf": 5e-7 * WAVE}
+    figure = figures.residuals(T, series, [["newton", "ukf"], ["ekf", "ukf"]])
+    assert_dressed(figure, theme)
+    upper, lower = figure.axes
+    for axes, group, letter in ((upper, ("newton", "ukf"), "(a) Newton and UKF"), (lower, ("ekf", "ukf"), "(b) EKF and UKF")):
+        assert axes.get_title(loc="left") == letter
+        assert axes.get_ylabel() == "residual [µm/s]"
+        assert texts(axes.get_legend()) == [METHODS[name].label for name in group]
+        assert [a.get_label() for a in axes.get_lines()] == [METHODS[name].label for name in group]  # the first at the back
+        for name in group:
+            drawn = line(axes, METHODS[name].label)
+            np.testing.assert_allclose(drawn.get_xydata(), np.column_stack([T / 86400, 1e6 * series[name]]), rtol=1e-15)
+            assert same_color(drawn.get_color(), getattr(METHODS[name], theme["name"]))
+            assert drawn.get_rasterized()
+    assert lower.get_xlabel() == "time [d]"
+    assert upper.get_ylim() == lower.get_ylim()  # one scale, so that they can be compared
+    assert upper.get_ylim()[0] <= -2.0 and upper.get_ylim()[1] >= 2.0
+
+
+def test_one_panel_of_residuals_has_no_letter(theme):
+    figure = figures.residuals(T, {"newton": WAVE}, [["newton"]])
+    assert figure.axes[0].get_title(loc="left") == "Newton"
+
+
+def test_transfer_functions(theme):
+    gains = {n: np.exp(-((DEGREE / (10.0 * n)) ** 4)) for n in (9, 5, 7)}
+    figure = figures.transfer_functions(DEGREE, gains, 30.0)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    assert texts(axes.get_legend()) == ["5 points", "7 points", "9 points"]
+    for n, gain in gains.items():
+        np.testing.assert_array_equal(line(axes, f"{n} points").get_xydata(), np.column_stack([DEGREE, gain]))
+    assert axes.get_ylim() == (0, 1.05)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("cycles per revolution", "gain")
+    assert axes.get_title() == "central first derivative at 30 s"
+    styles = {(a.get_color(), a.get_linestyle()) for a in axes.get_lines()}
+    assert len(styles) == 4  # three curves and the line at 1: told apart without colour too
+
+
+def test_error_against_step(theme):
+    dts = np.array([5.0, 10.0, 30.0])
+    curves = {"D9 of range": ("m/s", 1e-10 * dts**4), "D9 of range-rate": ("m/s²", 1e-13 * dts**4), "D9 D9 of range": ("m/s²", 1e-12 * dts**4)}
+    figure = figures.error_against_step(dts, curves)
+    assert_dressed(figure, theme)
+    left, right = figure.axes
+    assert (left.get_ylabel(), right.get_ylabel()) == ("standard deviation [m/s]", "standard deviation [m/s²]")
+    for axes, labels in ((left, ["D9 of range"]), (right, ["D9 of range-rate", "D9 D9 of range"])):
+        assert texts(axes.get_legend()) == labels
+        assert axes.get_xlabel() == "sampling interval [s]"
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        assert [t.get_text() for t in axes.get_xticklabels()] == ["5", "10", "30"]
+        for label in labels:
+            np.testing.assert_array_equal(line(axes, label).get_xydata(), np.column_stack([dts, curves[label][1]]))
+
+
+def test_weight_curve(theme):
+    lambdas, rate, los = np.array([1500.0, 4250.0, 1e5]), np.array([11e-7, 7.5e-7, 5.4e-7]), np.array([0.9e-8, 3e-8, 4.5e-8])
+    figure = figures.weight_curve(lambdas, rate, los, 4250.0, 7.46e-7)
+    assert_dressed(figure, theme)
+    left, right = figure.axes
+    np.testing.assert_allclose(line(left, "EKF + RTS").get_xydata(), np.column_stack([lambdas, 1e6 * rate]))
+    np.testing.assert_allclose(line(right, "EKF + RTS").get_xydata(), np.column_stack([lambdas, 1e9 * los]))
+    assert left.get_ylabel() == "std of range-rate error [µm/s]" and right.get_ylabel() == "std of e·Δa error [nm/s²]"
+    for axes in (left, right):
+        assert axes.get_xscale() == "log" and "lambda_q" in axes.get_xlabel()
+        assert line(axes, "default, 4250").get_xdata()[0] == 4250.0
+    assert line(left, "printed in Table 1").get_ydata()[0] == pytest.approx(0.746)
+    assert texts(left.get_legend()) == ["EKF + RTS", "default, 4250", "printed in Table 1"]
+    assert texts(right.get_legend()) == ["EKF + RTS", "default, 4250"]
+
+
+def test_literal_filter(theme):
+    sigma = np.full(T.size, 3e-4)
+    figure = figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, sigma)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    np.testing.assert_allclose(line(axes, "residual, no smoother").get_xydata(), np.column_stack([T / 3600, 0.6 + WAVE]))
+    [band] = axes.collections
+    extent = band.get_paths()[0].get_extents()
+    assert (extent.y0, extent.y1) == (pytest.approx(-0.9), pytest.approx(0.9))
+    assert band.get_label() == "±3 sigma of the filter"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [h]", "range-rate residual [mm/s]")
+    assert texts(figure.legends[0]) == ["±3 sigma of the filter", "residual, no smoother"]
+
+
+def test_dial(theme):
+    sigmas, rate, los = np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8])
+    figure = figures.dial(sigmas, rate, los, 3e-4, 5.26e-7)
+    assert_dressed(figure, theme)
+    axes, twin = figure.axes
+    np.testing.assert_array_equal(line(axes, "range-rate residual [m/s]").get_xydata(), np.column_stack([sigmas, rate]))
+    np.testing.assert_allclose(line(twin, "e·Δa error [nm/s²]").get_xydata(), np.column_stack([sigmas, 1e9 * los]))
+    assert (axes.get_xscale(), axes.get_yscale(), twin.get_yscale()) == ("log", "log", "linear")
+    assert twin.get_ylim()[0] == 0.0 and twin.get_ylim()[1] >= 21.0
+    assert axes.get_xlabel() == "assumed standard deviation of the range-rate [m/s]"
+    assert (axes.get_ylabel(), twin.get_ylabel()) == ("std of range-rate [m/s]", "std of e·Δa [nm/s²]")
+    assert {a.get_text() for a in axes.texts} == {"printed in Table 1 (mended)", "default"}
+    levels = [a for a in axes.get_lines() if a.get_label().startswith("_")]
+    assert levels[0].get_ydata()[0] == 5.26e-7 and levels[1].get_xdata()[0] == 3e-4
+    assert texts(figure.legends[0]) == ["range-rate residual [m/s]", "e·Δa error [nm/s²]"]
+    assert not same_color(line(axes, "range-rate residual [m/s]").get_color(), line(twin, "e·Δa error [nm/s²]").get_color())
+
+
+def test_integrator_effect(theme):
+    rtols, std, mean = np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10])
+    figure = figures.integrator_effect(rtols, std, mean, 1.19e-6)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    np.testing.assert_array_equal(line(axes, "standard deviation").get_xydata(), np.column_stack([rtols, std]))
+    np.testing.assert_array_equal(line(axes, "|mean|").get_xydata(), np.column_stack([rtols, np.abs(mean)]))
+    assert line(axes, "standard deviation, precise orbit").get_ydata()[0] == 1.19e-6
+    assert axes.xaxis_inverted() and (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of RK4(5)", "residual [m/s]")
+    assert len(texts(axes.get_legend())) == 3
+
+
+# --- field_figures.py ----------------------------------------------------------------------------------------------------
+
+
+def errors(names=IDS) -> dict[str, np.ndarray]:
+    return {name: 1e-4 * (k + 1) * np.exp(DEGREE / 20) for k, name in enumerate(names)}
+
+
+def test_degree_variances(theme):
+    reference = 1e-10 / DEGREE**3.0
+    recovered = {name: reference * (1 + 0.1 * k) for k, name in enumerate(("N1", "E1", "U2"))}
+    figure = field_figures.degree_variances(DEGREE, reference, recovered)
+    assert_dressed(figure, theme)
+    assert [a.get_title() for a in figure.axes] == ["(a) Newton", "(b) EKF", "(c) UKF"]
+    for axes, (name, values), label in zip(figure.axes, recovered.items(), ("Newton", "EKF", "UKF"), strict=True):
+        np.testing.assert_array_equal(line(axes, "input field").get_xydata(), np.column_stack([DEGREE, reference]))
+        np.testing.assert_array_equal(line(axes, label).get_xydata(), np.column_stack([DEGREE, values]))
+        assert same_color(line(axes, label).get_color(), getattr(METHODS[field_figures.LOOK[name]], theme["name"]))
+        assert axes.get_yscale() == "log" and axes.get_xlabel() == "degree n"
+        assert texts(axes.get_legend()) == ["input field", label]
+    assert figure.axes[0].get_ylabel() == "degree variance"
+    assert len({a.get_ylim() for a in figure.axes}) == 1
+
+
+def test_degree_differences(theme):
+    variances, amplitudes = errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))
+    figure = field_figures.degree_differences(DEGREE, {k: 1e-12 * v for k, v in variances.items()}, amplitudes)
+    assert_dressed(figure, theme)
+    left, right = figure.axes
+    for name in variances:
+        np.testing.assert_allclose(line(left, name).get_xydata(), np.column_stack([DEGREE, 1e-12 * variances[name]]))
+        np.testing.assert_allclose(line(right, name).get_xydata(), np.column_stack([DEGREE, amplitudes[name]]))
+    assert left.get_ylabel() == "|difference of degree variances|"
+    assert right.get_ylabel() == "error per degree in geoid height [m]"
+    assert texts(left.get_legend()) == ["N1", "E1", "U2"]
+    for axes in (left, right):
+        assert axes.get_yscale() == "log" and axes.get_xlabel() == "degree n"
+
+
+def test_amplitudes(theme):
+    signal = 1.0 / DEGREE
+    formal = {"U2": 1e-3 * np.exp(DEGREE / 25)}
+    figure = field_figures.amplitudes(DEGREE, signal, errors(), formal)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    [band] = axes.collections
+    corners = band.get_paths()[0].vertices
+    last = corners[corners[:, 0] == 70.0, 1]
+    assert (last.min(), last.max()) == (pytest.approx(0.5 * formal["U2"][-1]), pytest.approx(2 * formal["U2"][-1]))
+    assert same_color(band.get_facecolor()[0][:3], line(axes, "U2").get_color())
+    np.testing.assert_array_equal(line(axes, "signal").get_xydata(), np.column_stack([DEGREE, signal]))
+    for name, values in errors().items():
+        np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([DEGREE, values]))
+    assert texts(axes.get_legend()) == ["U2, formal", "signal", *IDS]
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("degree n", "amplitude per degree in geoid height [m]", "log")
+
+
+def test_every_observable_has_a_look_and_no_two_the_same(theme):
+    assert set(field_figures.LOOK) == set(observables.IDS) == set(IDS)
+    looks = [str(sorted(field_figures._line(name).items())) for name in IDS]
+    assert len(set(looks)) == len(IDS)
+
+
+def grids() -> dict[str, np.ndarray]:
+    lat = np.radians(np.arange(-85.0, 90.0, 10.0))[:, None]
+    lon = np.radians(np.arange(5.0, 360.0, 10.0))
+    pattern = np.cos(lat) * np.cos(lon)
+    return {"(a) Newton": 5e-3 * pattern, "(b) EKF": 4e-3 * pattern, "(c) UKF": 1e-3 * pattern}
+
+
+def images(figure: Figure) -> list:
+    return [axes.images[0] for axes in figure.axes if axes.images]
+
+
+def test_geoid_maps_share_one_symmetric_scale(theme):
+    figure = field_figures.geoid_maps(grids())
+    drawn, maps = images(figure), [axes for axes in figure.axes if axes.images]
+    assert len(drawn) == 3
+    limit = 1e3 * np.quantile(np.abs(grids()["(a) Newton"]), 0.995)
+    for image, peak in zip(drawn, (5.0, 4.0, 1.0), strict=True):
+        assert image.get_clim() == (pytest.approx(-limit), pytest.approx(limit))
+        assert image.get_cmap().name == style.DIVERGING
+        # The pattern is largest at longitude 0, which stands in the middle of the map, and smallest at its rims.
+        values = np.ma.filled(image.get_array().astype(float), np.nan)
+        row = values[values.shape[0] // 2]
+        assert np.nanmax(values) == pytest.approx(peak * np.cos(np.radians(5)) ** 2, rel=1e-6)
+        assert np.nanmin(values) == pytest.approx(-np.nanmax(values), rel=1e-6)
+        assert row[row.size // 2] == pytest.approx(np.nanmax(values), rel=1e-6)
+        inside = row[np.isfinite(row)]
+        assert inside[0] < 0 and inside[-1] < 0
+        assert np.nanmax(values[: values.shape[0] // 4]) < np.nanmax(values)  # towards a pole
+    assert [axes.get_title(loc="left") for axes in maps] == list(grids())
+    assert all(same_color(axes.get_facecolor(), theme["paper"]) for axes in maps)
+    assert all(same_color(axes.spines["geo"].get_edgecolor(), theme["ink"]) for axes in maps)
+    [bar] = [axes for axes in figure.axes if not axes.images]
+    assert bar.get_xlabel() == "geoid-height difference [mm]"
+    assert same_color(bar.xaxis.label.get_color(), theme["ink"])
+
+
+def test_geoid_maps_are_not_upside_down():
+    """South comes first in the grid and stands below in the map."""
+    lat = np.radians(np.arange(-85.0, 90.0, 10.0))[:, None]
+    with style.theme("light"):
+        [image] = images(field_figures.geoid_maps({"north": np.sin(lat) * np.ones((1, 36))}, "m"))
+    values = np.ma.filled(image.get_array().astype(float), np.nan)
+    lower, upper = np.nanmean(values[: values.shape[0] // 4]), np.nanmean(values[-values.shape[0] // 4 :])
+    assert (lower < -0.5 < 0.5 < upper) if image.origin == "lower" else (upper < -0.5 < 0.5 < lower)
+    plt.close("all")
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("m", 1.0), ("µm", 1e6)])
+def test_geoid_maps_with_scales_of_their_own(unit, scale):
+    two = dict(list(grids().items())[:2])
+    with style.theme("light"):
+        figure = field_figures.geoid_maps(two, unit, shared=False)
+    for image, grid in zip(images(figure), two.values(), strict=True):
+        limit = scale * np.quantile(np.abs(grid), 0.995)
+        assert image.get_clim() == (pytest.approx(-limit), pytest.approx(limit))
+    labels = [axes.get_xlabel() for axes in figure.axes if not axes.images]
+    assert labels == [f"geoid-height difference [{unit}]"] * 2
+    plt.close("all")
+
+
+def test_geoid_against_radius(theme):
+    radii, rms = [0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3], "U2": [9.9e-3, 1.3e-3, 6.4e-4]}
+    figure = field_figures.geoid_against_radius(radii, rms)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    for name, values in rms.items():
+        np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([radii, values]))
+        assert line(axes, name).get_markevery() == 1
+    assert texts(axes.get_legend()) == ["N1", "U2"]
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("Gaussian radius [km]", "rms of geoid-height error [m]", "log")
+
+
+def test_ground_track(theme):
+    lon, lat = np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))
+    figure = field_figures.ground_track(lon, lat)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    [track] = axes.get_lines()
+    np.testing.assert_array_equal(track.get_xydata(), np.column_stack([lon, lat]))
+    assert track.get_linestyle() == "None" and track.get_rasterized()
+    assert axes.get_extent() == pytest.approx(axes.projection.x_limits + axes.projection.y_limits)  # the whole globe
+
+
+def test_every_figure_function_is_tested():
+    """A new function of the two modules needs an artist test and a smoke image."""
+    public = {
+        name
+        for module in (figures, field_figures)
+        for name, item in inspect.getmembers(module, inspect.isfunction)
+        if item.__module__ == module.__name__ and not name.startswith("_")
+    }
+    for name in public:
+        assert any(test.startswith(f"test_{name}") for test in globals()), f"{name} has no artist test"
+    assert public == set(SMOKE)
+
+
+# --- smoke images --------------------------------------------------------------------------------------------------------
+
+SMOKE = {
+    "orbits_3d": lambda: figures.orbits_3d(circle(6.834e6), circle(6.83e6)),
+    "range_and_rate": lambda: figures.range_and_rate(T, 2.2e5 + 600 * WAVE, 0.7 * WAVE),
+    "node_gaps": lambda: figures.node_gaps([1, 2, 5, 10, 30], [26.0, 20.0, 7.3, 3.9, 1.12]),
+    "residuals": lambda: figures.residuals(T, {"newton": 2e-6 * WAVE, "ukf": 5e-7 * WAVE}, [["newton", "ukf"]]),
+    "transfer_functions": lambda: figures.transfer_functions(DEGREE, {n: np.exp(-((DEGREE / (10.0 * n)) ** 4)) for n in (5, 7, 9)}, 30.0),
+    "error_against_step": lambda: figures.error_against_step(np.array([5.0, 10, 30]), {"a": ("m/s", np.array([1e-9, 1e-8, 1e-6])), "b": ("m/s²", np.array([1e-12, 1e-10, 1e-8]))}),
+    "weight_curve": lambda: figures.weight_curve(np.array([1500.0, 4250, 1e5]), np.array([11e-7, 7.5e-7, 5.4e-7]), np.array([0.9e-8, 3e-8, 4.5e-8]), 4250.0, 7.46e-7),
+    "literal_filter": lambda: figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, np.full(T.size, 3e-4)),
+    "dial": lambda: figures.dial(np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8]), 3e-4, 5.26e-7),
+    "integrator_effect": lambda: figures.integrator_effect(np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10]), 1.19e-6),
+    "degree_variances": lambda: field_figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, {n: 1.1e-10 / DEGREE**3.0 for n in ("N1", "E1", "U2")}),
+    "degree_differences": lambda: field_figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
+    "amplitudes": lambda: field_figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),
+    "geoid_maps": lambda: field_figures.geoid_maps({"(a) Newton": grids()["(a) Newton"]}),
+    "geoid_against_radius": lambda: field_figures.geoid_against_radius([0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3]}),
+    "ground_track": lambda: field_figures.ground_track(np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))),
+}  # fmt: skip
+
+compare = pytest.mark.mpl_image_compare(
+    baseline_dir="baseline", remove_text=True, tolerance=10, style="default",
+    savefig_kwargs={"dpi": 60, "facecolor": "auto", "metadata": {"Software": None}},
+)  # fmt: skip
+
+
+@compare
+@pytest.mark.parametrize("name", sorted(SMOKE))
+def test_smoke(name):
+    with style.theme("light"):
+        return SMOKE[name]()
+
+
+@compare
+@pytest.mark.parametrize("name", ["geoid_maps", "residuals"])
+def test_smoke_dark(name):
+    with style.theme("dark"):
+        return SMOKE[name]()
