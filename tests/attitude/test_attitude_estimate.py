@@ -9,8 +9,8 @@ import pytest
 
 from geokalman.attitude import assess, estimate, gyro, trials
 from geokalman.attitude.estimate import Measured
-from geokalman.attitude.flight import solve
-from geokalman.attitude.model import AXES, Tuning
+from geokalman.attitude.flight import GyroWarning, solve
+from geokalman.attitude.model import AXES, WRAP_DEG, Tuning
 from geokalman.kalman import NotPositiveDefinite
 from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
 from geokalman.physics.quaternion import difference, exp, multiply
@@ -181,6 +181,25 @@ def test_updates_at_2_hz(hours, tuning, solved):
     keep = assess.inner(len(truth), 0.5)
     gain = assess.rms(assess.error(fast.solutions["mekf"].q, truth)[keep]).mean() / rms(solved["C"], hours, "mekf", "C").mean()
     assert gain == pytest.approx(0.84, abs=0.08)
+
+
+def test_a_faulty_axis_is_found_and_left_out(hours, tuning):
+    """Bad input 9, the whole way: an axis that drifts away is named by parity and cameras; the result is that without it."""
+    raw = hours.raw["C"]
+    spoiled = raw.gyro.copy()
+    ramp = np.clip(np.arange(raw.gyro.shape[1]) - 40000, 0, None) * 1e-4
+    spoiled[2] = (spoiled[2] + ramp + WRAP_DEG) % (2 * WRAP_DEG) - WRAP_DEG
+    trip = replace(hours, raw=hours.raw | {"C": replace(raw, gyro=spoiled)})
+    with pytest.warns(GyroWarning, match="GRACE-C: gyro axis 3 disagrees with the others from 49"):
+        result = solve(trip, "C", tuning, ("mekf",))
+    without = solve(hours, "C", replace(tuning, axes=(1, 2, 4)), ("mekf",))
+    np.testing.assert_allclose(result.solutions["mekf"].q, without.solutions["mekf"].q, atol=1e-12)
+
+
+def test_uncertain_epochs_are_flagged(hours, solved, tuning):
+    m = trials.with_gap(solved["C"].measured, 3000, 1500)
+    flagged = estimate.mekf(m, tuning).flagged(6e-6)
+    assert flagged[4499] and not flagged[2999] and not flagged[5500:].any()
 
 
 def test_cost_per_epoch(hours, tuning, solved):

@@ -50,6 +50,11 @@ class Solution:
     nis: Array
     rejected: Array
 
+    def flagged(self, limit_rad: float) -> Array:
+        """Epochs (n,) whose standard deviation about some axis exceeds the limit [rad], or that have no estimate."""
+        sigma = np.sqrt(np.einsum("kii->ki", self.cov)).max(axis=1)
+        return ~(sigma <= limit_rad)
+
 
 @dataclass(frozen=True)
 class _Course:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,10 +12,10 @@ import numpy as np
 from geokalman.attitude import cameras, estimate, gyro, pointing, read
 from geokalman.attitude.estimate import FILTERS, Measured, Solution
 from geokalman.attitude.level1 import Level1Error
-from geokalman.attitude.model import GYRO_HZ, SATELLITES, Array, Raw, Scenario, Tuning
+from geokalman.attitude.model import GYRO_HZ, SATELLITES, Array, Raw, Scenario, Tuning, arw_density, gyro_matrix
 from geokalman.attitude.simulate import simulate
 from geokalman.attitude.truth import Truth
-from geokalman.physics.quaternion import spline
+from geokalman.physics.quaternion import difference, spline
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,37 @@ def solve(
     """
     raw = trip.raw[satellite]
     combined = combination(raw, tuning, use, calibrate)
-    increments = gyro.reduced(raw, tuning)
+    increments, tuning = sound_increments(raw, tuning, combined)
     return solved(trip, satellite, tuning, combined, increments, filters)
+
+
+class GyroWarning(UserWarning):
+    """A gyro axis was found faulty and left out."""
+
+
+def sound_increments(raw: Raw, tuning: Tuning, combined: cameras.Combined) -> tuple[gyro.Increments, Tuning]:
+    """8 Hz increments, and the tuning with the axes that they were made of.
+
+    Where the parity of four axes stays beyond 6 sigma for a second, the axis that disagrees most with the cameras is left out,
+    with a GyroWarning.
+    """
+    increments = gyro.reduced(raw, tuning)
+    if len(tuning.axes) < 4:
+        return increments, tuning
+    sigma = 0.5 * arw_density(tuning.arw_deg_sqrt_h) / GYRO_HZ**0.5  # of one of the four residuals
+    start = gyro.parity_fault(increments.parity, sigma, raw.satellite)
+    if start is None:
+        return increments, tuning
+    whole = cameras.at_seconds(combined)
+    seen = gyro.preintegrate(gyro.between(increments, whole.t[0], whole.t[-1]), 1)
+    steps = seen.d @ gyro_matrix(raw.satellite).T + seen.parity
+    axis = gyro.isolate(steps, difference(whole.q[:-1], whole.q[1:]), raw.satellite)
+    warnings.warn(
+        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and was left out.",
+        GyroWarning, stacklevel=2,
+    )  # fmt: skip
+    reduced = replace(tuning, axes=tuple(a for a in tuning.axes if a != axis))
+    return gyro.reduced(raw, reduced), reduced
 
 
 def solved(

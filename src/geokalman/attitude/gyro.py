@@ -98,15 +98,20 @@ def parity_fault(parity: Array, sigma: float, satellite: str, samples: int = GYR
     return int(np.argmax(runs)) if runs.any() else None
 
 
-def isolate(steps: Array, reference: Array, satellite: str) -> int:
-    """The axis (1 to 4) whose increments disagree most with those of a reference attitude (cameras), by rms.
+def isolate(steps: Array, reference: Array, satellite: str, block: int = 60) -> int:
+    """The axis (1 to 4) whose increments disagree most with those of a reference attitude (cameras).
 
-    steps : (n, 4) increments of the axes [rad]; reference : (n, 3) increments of the camera attitude over the same epochs.
-    One parity number detects a fault but cannot name the axis; the cameras can.
+    steps : (n, 4) increments of the axes [rad]; reference : (n, 3) increments of the reference over the same epochs; compared
+    are means over blocks, in which the noise of the cameras all but cancels and a drift does not. One parity number detects a
+    fault but cannot name the axis; the cameras can. Raises ValueError where they have fewer than two whole blocks.
     """
     residual = steps - reference @ gyro_matrix(satellite).T
-    residual = residual - np.nanmedian(residual, axis=0)
-    return int(np.argmax(np.nanmean(residual**2, axis=0))) + 1
+    n = len(residual) // block
+    means = residual[: n * block].reshape(n, block, 4).mean(axis=1)
+    means = means[np.isfinite(means).all(axis=1)]
+    if len(means) < 2:
+        raise ValueError(f"{len(means)} blocks of {block} increments with cameras cannot name a faulty gyro axis; give 2 or more.")
+    return int(np.argmax(np.mean((means - np.median(means, axis=0)) ** 2, axis=0))) + 1
 
 
 def preintegrate(increments: Increments, hz: int) -> Increments:
