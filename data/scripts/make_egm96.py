@@ -54,6 +54,11 @@ def pack(field: GravityField, errors: bool) -> bytes:
     }
     if errors:
         arrays |= {"sigma_C": field.sigma_C[rows, columns], "sigma_S": field.sigma_S[rows, columns]}
+    return save(arrays)
+
+
+def save(arrays: dict[str, np.ndarray]) -> bytes:
+    """A compressed npz of the arrays, the same bytes every time."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for key, array in arrays.items():

@@ -38,7 +38,7 @@ METHODS: dict[str, Method] = {
     "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
     "akf7": Method("#b34700", "#ff9b52", "--", "s", "AKF7 (paper)"),
     "mekf": Method("#0072b2", "#62b8ee", "-.", "^", "MEKF"),
-    "rts": Method("#00795a", "#2fcf9f", "-", "o", "MEKF + RTS"),
+    "mekf_rts": Method("#00795a", "#2fcf9f", "-", "o", "MEKF + RTS"),
     "jpl_like": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "JPL-like stand-in"),
     "imu": Method("#6b6b6b", "#b5b5b5", ":", "x", "gyros (IMU1B-like)"),
     "sca1": Method("#0072b2", "#62b8ee", "-", "^", "SCA1"),
@@ -48,6 +48,19 @@ METHODS: dict[str, Method] = {
     "sca13": Method("#b34700", "#ff9b52", "--", "s", "SCA13"),
     "sca23": Method("#9b4f80", "#e29bc7", "--", "D", "SCA23"),
     "sca123": Method("#00795a", "#2fcf9f", "-", "o", "SCA123"),
+    "prior": Method("#b34700", "#ff9b52", "--", "s", "a-priori orbit"),
+    "batch": Method("#00795a", "#2fcf9f", "-", "o", "batch"),
+    "naive": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "naive EKF"),
+    "aekf1": Method("#b34700", "#ff9b52", "-", "o", "AEKF1"),
+    "aekf2": Method("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
+    "raekf": Method("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
+    "rts": Method("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
+    "forward": Method("#b34700", "#ff9b52", ":", "s", "forward filter"),
+    "fb": Method("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
+    "reference": Method("#000000", "#f2f2f2", "-", "", "reference"),
+    "contractor": Method("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
+    "grid": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
+    "joint": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
     "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 
@@ -79,7 +92,7 @@ _THEMES = {
 _theme = "light"
 
 DIVERGING = "RdBu_r"
-"""Colour map for signed maps; white (or the page's dark) is zero, and it is safe for colour-blind readers."""
+"""Colour map for signed maps; white is zero in both themes, and it is safe for colour-blind readers."""
 SEQUENTIAL = "cividis"
 """Colour map for magnitudes."""
 

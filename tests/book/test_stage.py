@@ -142,7 +142,7 @@ def test_run_times_and_the_package_list(toy_root: Path) -> None:
         'def _hidden():\n    """Not shown."""\n\nclass Thing:\n    """A thing."""\n'
     )
     listed = blocks.api(toy_root)
-    assert "## `geokalman.part`\n\nA part.\n" in listed
+    assert listed.startswith("## `geokalman`\n\n```{rubric} geokalman.part\n:heading-level: 3\n```\n\nA part.\n")
     assert "`act(a, *rest, key)`\n: Gives a\\*b from `a`.\n" in listed
     assert "`class Thing`\n: A thing.\n" in listed
     assert "hidden" not in listed

@@ -174,3 +174,13 @@ def test_map_statistics_weigh_by_area(recovery, truth):
 def test_an_observable_that_is_not_there(recovery, truth):
     with pytest.raises(KeyError, match="observable 'U2' was not recovered; at hand are one, turned"):
         assess.spectrum(recovery, "U2", truth)
+
+
+def test_map_columns_are_thinned_on_both_axes():
+    grid = np.arange(18 * 36, dtype=float).reshape(18, 36)  # cells of 10 deg
+    columns = assess.map_columns({"a": grid, "b": -grid}, 20.0)
+    assert list(columns) == ["longitude_deg", "latitude_deg", "a", "b"]
+    np.testing.assert_allclose(columns["longitude_deg"][:3], [5.0, 25.0, 45.0])
+    np.testing.assert_allclose(np.unique(columns["latitude_deg"]), np.arange(-85.0, 90.0, 20.0))
+    np.testing.assert_array_equal(columns["a"], grid[::2, ::2].ravel())
+    np.testing.assert_array_equal(columns["b"], -columns["a"])

@@ -89,17 +89,17 @@ def test_range_and_rate(theme):
 @pytest.mark.parametrize("gaps", [[26.0, 20.0, 7.3, 3.9, 1.12], [300.0]])
 def test_node_gaps(theme, gaps):
     days = list(range(1, len(gaps) + 1))
-    figure = figures.node_gaps(days, gaps)
+    figure = figures.node_gaps(days, gaps, 60)
     assert_dressed(figure, theme)
     [axes] = figure.axes
     drawn, limit = axes.get_lines()
     np.testing.assert_array_equal(drawn.get_xydata(), np.column_stack([days, gaps]))
     assert drawn.get_drawstyle() == "steps-post" and axes.get_yscale() == "log"
-    assert limit.get_ydata()[0] == pytest.approx(180 / 70)
-    assert texts(axes.get_legend()) == ["half a wavelength at degree 70"]
+    assert limit.get_ydata()[0] == pytest.approx(180 / 60)
+    assert texts(axes.get_legend()) == ["half a wavelength at degree 60"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("length of the simulation [d]", "largest gap between nodes [deg]")
     shown = axes.get_yticks()
-    assert len(shown) >= 1 and min(shown) >= 0.5 * min(gaps) and max(shown) <= 2 * max(gaps)
+    assert len(shown) >= 1 and min(shown) >= 0.5 * min(*gaps, 3.0) and max(shown) <= 2 * max(gaps)
 
 
 def test_residuals(theme):
@@ -208,15 +208,16 @@ def test_dial(theme):
 
 def test_integrator_effect(theme):
     rtols, std, mean = np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10])
-    figure = figures.integrator_effect(rtols, std, mean, 1.19e-6)
+    figure = figures.integrator_effect(rtols, std, mean, 1.19e-6, -1.8e-8)
     assert_dressed(figure, theme)
     [axes] = figure.axes
     np.testing.assert_array_equal(line(axes, "standard deviation").get_xydata(), np.column_stack([rtols, std]))
     np.testing.assert_array_equal(line(axes, "|mean|").get_xydata(), np.column_stack([rtols, np.abs(mean)]))
     assert line(axes, "standard deviation, precise orbit").get_ydata()[0] == 1.19e-6
+    assert line(axes, "|mean| printed in Table 1").get_ydata()[0] == 1.8e-8
     assert axes.xaxis_inverted() and (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of RK4(5)", "residual [m/s]")
-    assert len(texts(axes.get_legend())) == 3
+    assert len(texts(axes.get_legend())) == 4
 
 
 # --- field_figures.py ----------------------------------------------------------------------------------------------------
@@ -247,12 +248,13 @@ def test_degree_differences(theme):
     figure = field_figures.degree_differences(DEGREE, {k: 1e-12 * v for k, v in variances.items()}, amplitudes)
     assert_dressed(figure, theme)
     left, right = figure.axes
-    for name in variances:
-        np.testing.assert_allclose(line(left, name).get_xydata(), np.column_stack([DEGREE, 1e-12 * variances[name]]))
-        np.testing.assert_allclose(line(right, name).get_xydata(), np.column_stack([DEGREE, amplitudes[name]]))
+    labels = {"N1": "Newton (N1)", "E1": "EKF (E1)", "U2": "UKF (U2)"}
+    for name, label in labels.items():
+        np.testing.assert_allclose(line(left, label).get_xydata(), np.column_stack([DEGREE, 1e-12 * variances[name]]))
+        np.testing.assert_allclose(line(right, label).get_xydata(), np.column_stack([DEGREE, amplitudes[name]]))
     assert left.get_ylabel() == "|difference of degree variances|"
     assert right.get_ylabel() == "error per degree in geoid height [m]"
-    assert texts(left.get_legend()) == ["N1", "E1", "U2"]
+    assert texts(left.get_legend()) == list(labels.values())
     for axes in (left, right):
         assert axes.get_yscale() == "log" and axes.get_xlabel() == "degree n"
 
@@ -382,14 +384,14 @@ def test_every_figure_function_is_tested():
 SMOKE = {
     "orbits_3d": lambda: figures.orbits_3d(circle(6.834e6), circle(6.83e6)),
     "range_and_rate": lambda: figures.range_and_rate(T, 2.2e5 + 600 * WAVE, 0.7 * WAVE),
-    "node_gaps": lambda: figures.node_gaps([1, 2, 5, 10, 30], [26.0, 20.0, 7.3, 3.9, 1.12]),
+    "node_gaps": lambda: figures.node_gaps([1, 2, 5, 10, 30], [26.0, 20.0, 7.3, 3.9, 1.12], 70),
     "residuals": lambda: figures.residuals(T, {"newton": 2e-6 * WAVE, "ukf": 5e-7 * WAVE}, [["newton", "ukf"]]),
     "transfer_functions": lambda: figures.transfer_functions(DEGREE, {n: np.exp(-((DEGREE / (10.0 * n)) ** 4)) for n in (5, 7, 9)}, 30.0),
     "error_against_step": lambda: figures.error_against_step(np.array([5.0, 10, 30]), {"a": ("m/s", np.array([1e-9, 1e-8, 1e-6])), "b": ("m/s²", np.array([1e-12, 1e-10, 1e-8]))}),
     "weight_curve": lambda: figures.weight_curve(np.array([1500.0, 4250, 1e5]), np.array([11e-7, 7.5e-7, 5.4e-7]), np.array([0.9e-8, 3e-8, 4.5e-8]), 4250.0, 7.46e-7),
     "literal_filter": lambda: figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, np.full(T.size, 3e-4)),
     "dial": lambda: figures.dial(np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8]), 3e-4, 5.26e-7),
-    "integrator_effect": lambda: figures.integrator_effect(np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10]), 1.19e-6),
+    "integrator_effect": lambda: figures.integrator_effect(np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10]), 1.19e-6, 1.8e-8),
     "degree_variances": lambda: field_figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, {n: 1.1e-10 / DEGREE**3.0 for n in ("N1", "E1", "U2")}),
     "degree_differences": lambda: field_figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
     "amplitudes": lambda: field_figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),

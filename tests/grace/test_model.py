@@ -9,7 +9,6 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import model
 from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Observations, Scenario, Tuning, distance, kinematic, range_acceleration, range_rate
@@ -203,10 +202,6 @@ def test_runge_kutta_chooses_its_own_step():
 def test_a_field_that_is_not_there():
     with pytest.raises(FileNotFoundError, match="No gravity field 'nowhere.gfc'"):
         Scenario(field="nowhere.gfc")
-
-
-def test_the_earth_turns():
-    np.testing.assert_array_equal(model.earth_rotation([0.0, 100.0]), [0.0, 100 * OMEGA_EARTH])
 
 
 # --- tuning ----------------------------------------------------------------------------------------------------------------

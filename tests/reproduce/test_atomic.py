@@ -79,3 +79,9 @@ def test_sweep_brings_back_what_a_kill_left_between_the_two_renames(tmp_path):
 def test_not_a_number_is_no_json(tmp_path):
     with pytest.raises(ValueError):
         atomic.write_json(tmp_path / "x.json", float("nan"))
+
+
+def test_an_unusual_refusal_of_the_system_names_a_remedy(tmp_path):
+    with pytest.raises(Fault, match="Cannot write .*run: File name too long; choose another folder; nothing there was"):
+        with atomic.explained(tmp_path / "run"):
+            raise OSError(errno.ENAMETOOLONG, "File name too long")

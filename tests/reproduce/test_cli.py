@@ -42,9 +42,22 @@ def test_params(built, geokalman):
     assert told["quick"] == {"n": 5} and told["parameters"]["slope"]["unit"] == "m/s"
 
 
+def test_params_on_a_narrow_terminal(built, geokalman):
+    lines = geokalman(built, "params", "toy/01-line", COLUMNS="60").stdout.splitlines()
+    assert lines[:3] == [
+        "name   type   default  quick  range      unit",
+        "slope  float  2.0             (0, 10]    m/s",
+        "    slope of the line",
+    ]
+
+
 def test_claims(built, geokalman):
-    done = geokalman(built, "claims")
-    assert "The toy paper" in done.stdout and "steeper" in done.stdout and done.stdout.count("reproduced") >= 2
+    done = geokalman(built, "claims", COLUMNS="40")
+    assert done.stdout.splitlines() == [
+        "The toy paper", "",
+        "mean: reproduced", "    Table 1: the mean of the line", "    printed 49\u00a0m; ours 49.00\u00a0m", "    accepted ±0.1 %",
+        "steeper: reproduced", "    text: the line ends above the", "    constant", "    ours 49.00 > 10 × 3.000",
+    ]  # fmt: skip
     told = json.loads(geokalman(built, "claims", "toy", "--json").stdout)
     assert [(c["id"], c["verdict"], c["expected"]) for c in told] == [
         ("mean", "reproduced", "reproduced"),

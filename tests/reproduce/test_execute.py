@@ -122,9 +122,20 @@ def test_disk_full(toy, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(Fault, match="Cannot write .*: the disk is full"):
+    with pytest.raises(Fault, match=f"^Cannot write {toy}/out/notebook.ipynb: the disk is full"):
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert not (toy / "out").exists() and hidden(toy) == [".cache"]
+
+
+def test_disk_full_in_the_kernel(toy):
+    path = toy / "book" / "toy" / "02-constant.md"
+    full = "import pathlib\n" + (
+        "def full(*_):\n    raise OSError(28, 'No space left on device')\npathlib.Path.write_bytes = full\nnb.finish()"
+    )
+    path.write_text(path.read_text().replace("nb.finish()", full))
+    with pytest.raises(ExecutionFailed, match=f"Cannot write {toy}/out/arrays.npz: the disk is full") as caught:
+        execute.run(toy, "toy/02-constant", out=toy / "out")
+    assert "partial" not in str(caught.value)
 
 
 def test_folders_that_are_not_ours_are_not_replaced(toy):
@@ -169,7 +180,10 @@ def test_interrupt_leaves_nothing_half_done(toy, geokalman):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=30)
-    assert process.returncode == 130 and "interrupted" in told and "Traceback" not in told
+    assert process.returncode == 130 and "Traceback" not in told
+    assert re.fullmatch(
+        r"toy/02-constant starts\n(\.\.\. .*\n)*toy/02-constant failed after .* s\ngeokalman: interrupted; .*\n", told
+    )
     assert not list((toy / "runs" / "toy" / "02-constant").glob(".*"))
     with pytest.raises(ProcessLookupError):  # the kernel is gone too
         time.sleep(0.2)

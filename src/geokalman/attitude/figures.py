@@ -10,9 +10,14 @@ from matplotlib.figure import Figure
 
 from geokalman.attitude.model import AXES, Array
 from geokalman.attitude.pointing import asd
-from geokalman.style import METHODS, ink
+from geokalman.style import METHODS, Method, ink
 
 MOST_POINTS = 4000
+
+
+def _look(name: str) -> Method:
+    """How a filter or a camera is drawn; the smoother of this part is that of the multiplicative filter."""
+    return METHODS["mekf_rts" if name == "rts" else name]
 
 
 def _thin(n: int) -> int:
@@ -31,7 +36,7 @@ def series_and_spectra(
     figure, axes = plt.subplots(len(rows), 2, figsize=(7.2, 1.6 + 1.65 * len(rows)), sharex="col", squeeze=False)
     shown = (t - t[0] <= show_s) if show_s else np.ones(len(t), bool)
     for name, values in series.items():
-        method = METHODS[name]
+        method = _look(name)
         values = values.reshape(len(t), len(rows))
         label = (labels or {}).get(name, method.label)
         f, density = asd(_bridged(values), dt)
@@ -71,7 +76,7 @@ def bars(groups: Mapping[str, Sequence[float]], errors: Mapping[str, Sequence[fl
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     width = 0.8 / len(groups)
     for k, (name, values) in enumerate(groups.items()):
-        method = METHODS[name]
+        method = _look(name)
         x = np.arange(len(names)) + (k - 0.5 * (len(groups) - 1)) * width
         axes.bar(x, values, width * 0.9, yerr=errors.get(name), color=method.colour, label=method.label, ecolor=ink(), capsize=2)
         if printed and name in printed:
@@ -92,7 +97,7 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
     figure, axes = plt.subplots(1, len(points), figsize=(7.2, 3.6), sharey=True, squeeze=False)
     for axis, (preset, group) in zip(axes[0], points.items(), strict=True):
         for name, closeness, accuracy in group:
-            method = METHODS[name]
+            method = _look(name)
             axis.plot(1e7 * closeness, 1e6 * accuracy, method.marker, color=method.colour, markersize=8, label=method.label, linestyle="none")
         axis.set(xlabel="rate minus gyro rate, std [10⁻⁷ rad/s]", title=preset, xlim=(0, None))
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
@@ -106,7 +111,7 @@ def consistency(t: Array, nis: Mapping[str, Array], nees: Mapping[str, Array], w
     figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.4))
     for axis, group, label in ((axes[0], nis, "NIS / 3"), (axes[1], nees, "NEES / 3")):
         for name, values in group.items():
-            method = METHODS[name]
+            method = _look(name)
             good = np.isfinite(values)
             weight = np.convolve(good, np.ones(window), "valid")
             mean = np.convolve(np.where(good, values, 0.0), np.ones(window), "valid") / np.maximum(weight, 1) / 3
@@ -155,7 +160,7 @@ def gap(t: Array, error: Mapping[str, Array], sigma: Mapping[str, Array], start:
     figure, axes = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.2))
     for i, axis in enumerate(axes):
         for name in error:
-            method = METHODS[name]
+            method = _look(name)
             axis.plot(t - start, 1e6 * error[name][:, i], color=method.colour, linewidth=0.9, label=method.label)
             axis.fill_between(t - start, -2e6 * sigma[name][:, i], 2e6 * sigma[name][:, i], color=method.colour, alpha=0.18, linewidth=0)
         axis.axvspan(0, length, color=METHODS["neutral"].colour, alpha=0.12, linewidth=0)

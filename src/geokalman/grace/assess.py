@@ -13,6 +13,7 @@ from geokalman.grace.recover import Recovery
 from geokalman.grace.simulate import OrbitPair
 from geokalman.physics.field import GravityField
 from geokalman.physics.harmonics import area_rms, degree_variance, error_degree_variance, geoid_difference
+from geokalman.physics.sphere import cell_centred_grid
 
 
 class Statistics(NamedTuple):
@@ -37,8 +38,11 @@ def statistics(residual: Array, edge: int = 100) -> Statistics:
     """Mean, extremes and standard deviation of a residual (n,), its edges left out, in the unit of the residual."""
     kept = inner(residual, edge)
     if not np.isfinite(kept).all():
+        finite = np.flatnonzero(np.isfinite(residual))
+        needed = max(finite[0], len(residual) - 1 - finite[-1]) if finite.size else len(residual)
         raise ValueError(
-            f"the residual is not finite at epoch {edge + int((~np.isfinite(kept)).argmax())}; edge = {edge} must cover the stencil."
+            f"the residual is not finite at epoch {edge + int((~np.isfinite(kept)).argmax())}; edge = {edge} must cover the "
+            f"stencil, here {needed} epochs at either end."
         )
     return Statistics(float(kept.mean()), float(kept.min()), float(kept.max()), float(kept.std()))
 
@@ -129,6 +133,16 @@ class MapStatistics(NamedTuple):
 def map_statistics(grid: Array) -> MapStatistics:
     """Statistics of a cell-centred global grid (n_lat, n_lon)."""
     return MapStatistics(area_rms(grid), float(np.abs(grid).max()), float(np.ptp(grid)))
+
+
+def map_columns(grids: Mapping[str, Array], step_deg: float = 1.0) -> dict[str, Array]:
+    """Cell-centred global grids (n_lat, n_lon) as columns: longitude_deg, latitude_deg, then each grid; cells about step_deg apart."""
+    shape = next(iter(grids.values())).shape
+    every = max(1, round(step_deg * shape[0] / 180))
+    latitude, longitude = cell_centred_grid(180 / shape[0])
+    lon, lat = np.meshgrid(np.degrees(longitude[::every]), np.degrees(latitude[::every]))
+    columns = {"longitude_deg": lon.ravel(), "latitude_deg": lat.ravel()}
+    return columns | {name: grid[::every, ::every].ravel() for name, grid in grids.items()}
 
 
 def smallest_share(series: Mapping[str, Array]) -> dict[str, float]:

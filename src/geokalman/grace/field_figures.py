@@ -14,12 +14,12 @@ from geokalman.style import DIVERGING, METHODS, ink, paper
 
 LOOK = {"X": "exact", "N1": "newton", "N2": "newton", "E0": "ekf", "E1": "ekf", "E2": "ekf", "U1": "ukf", "U2": "ukf", "K0": "exact", "B11": "spline", "P2": "neutral"}
 """Which method's colour an observable is drawn in."""
-_DASHED = {"N2": ":", "E0": ":", "E1": "--", "U1": "--", "K0": "--"}
+_LINES = {"N2": ":", "E0": ":", "E2": "-", "U1": "--", "K0": "--"}  # beside the paper's three, which keep their method's line
 
 
 def _line(name: str) -> dict:
     method = METHODS[LOOK[name]]
-    return {"color": method.colour, "linestyle": _DASHED.get(name, "-"), "marker": method.marker, "markevery": 5}
+    return {"color": method.colour, "linestyle": _LINES.get(name, method.line), "marker": "+" if name == "K0" else method.marker, "markevery": 5}
 
 
 def degree_variances(degree: Array, reference: Array, recovered: Mapping[str, Array]) -> Figure:
@@ -42,11 +42,11 @@ def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.6))
     for axis, curves in ((left, variances), (right, amplitudes)):
         for name, values in curves.items():
-            axis.semilogy(degree, values, label=name, **_line(name))
+            axis.semilogy(degree, values, label=f"{METHODS[LOOK[name]].label} ({name})", **_line(name))
         axis.set_xlabel("degree n")
     left.set_ylabel("|difference of degree variances|")
     right.set_ylabel("error per degree in geoid height [m]")
-    left.legend(ncols=2)
+    left.legend()
     return figure
 
 

@@ -45,15 +45,15 @@ def range_and_rate(t: Array, rho: Array, rate: Array) -> Figure:
     return figure
 
 
-def node_gaps(days: Sequence[float], gaps: Sequence[float]) -> Figure:
-    """Largest gap between ascending nodes on the Earth [deg] after a number of days."""
+def node_gaps(days: Sequence[float], gaps: Sequence[float], n_max: int) -> Figure:
+    """Largest gap between ascending nodes on the Earth [deg] after a number of days, and 180 deg / n_max."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     axes.semilogy(days, gaps, color=METHODS["truth"].colour, drawstyle="steps-post")
     axes.set(xlabel="length of the simulation [d]", ylabel="largest gap between nodes [deg]")
-    ticks = [x for x in (0.5, 1, 2, 5, 10, 20, 50, 100, 200) if 0.5 * min(gaps) <= x <= 2 * max(gaps)]
+    ticks = [x for x in (0.5, 1, 2, 5, 10, 20, 50, 100, 200) if 0.5 * min(*gaps, 180 / n_max) <= x <= 2 * max(gaps)]
     axes.set_yticks(ticks, [f"{x:g}" for x in ticks])
     axes.minorticks_off()
-    axes.axhline(180 / 70, color=METHODS["neutral"].colour, linestyle=":", label="half a wavelength at degree 70")
+    axes.axhline(180 / n_max, color=METHODS["neutral"].colour, linestyle=":", label=f"half a wavelength at degree {n_max}")
     axes.legend()
     return figure
 
@@ -152,13 +152,17 @@ def dial(sigmas: Array, rate_std: Array, los_std: Array, chosen: float, printed:
     return figure
 
 
-def integrator_effect(rtols: Array, std: Array, mean: Array, reference: float) -> Figure:
-    """Newton's range-rate residual [m/s] against the relative tolerance of RK45; `reference` is that on the precise orbit."""
+def integrator_effect(rtols: Array, std: Array, mean: Array, reference: float, printed_mean: float) -> Figure:
+    """Newton's range-rate residual [m/s] against the relative tolerance of RK45.
+
+    reference: its standard deviation on the precise orbit; printed_mean: the mean in the paper's Table 1.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     method = METHODS["newton"]
     axes.loglog(rtols, std, color=method.colour, marker=method.marker, label="standard deviation")
     axes.loglog(rtols, np.abs(mean), color=METHODS["neutral"].colour, marker="v", linestyle=":", label="|mean|")
     axes.axhline(reference, color=ink(), linewidth=0.8, linestyle="--", label="standard deviation, precise orbit")
+    axes.axhline(abs(printed_mean), color=ink(), linewidth=0.8, linestyle=":", label="|mean| printed in Table 1")
     axes.set(xlabel="relative tolerance of RK4(5)", ylabel="residual [m/s]")
     axes.invert_xaxis()
     axes.legend()

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geokalman.constants import OMEGA_EARTH
 from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.discretise import white_jerk
 from geokalman.physics.harmonics import GravityField, load_field
@@ -95,7 +94,7 @@ class Scenario:
     def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Scenario:
         """The scenario of a notebook's parameters: `a_km`, `inc_deg`, `tau_s` and `h_int` carry their units, the rest are SI.
 
-        `h_int` = 0 means the integrator's own step: 10 s for Gauss-Jackson, 15 s for DOP853 (5 s where dt needs it).
+        `h_int` = None means the largest step that divides dt, up to 10 s for Gauss-Jackson and 15 s for DOP853.
         """
         p = {**parameters, **changes}
         given = {name: p[name] for name in ("days", "dt", "n_max", "e", "raan", "argp", "m0", "integrator", "field", "rtol", "atol", "start") if name in p}
@@ -105,7 +104,8 @@ class Scenario:
             given["inc"] = math.radians(p["inc_deg"])
         if "tau_s" in p:
             given["tau"] = p["tau_s"]
-        given["h"] = p.get("h_int") or default_step(given.get("integrator", cls.integrator), given.get("dt", cls.dt))
+        step = p.get("h_int")
+        given["h"] = default_step(given.get("integrator", cls.integrator), given.get("dt", cls.dt)) if step is None else step
         return cls(**given)
 
     @property
@@ -250,8 +250,3 @@ def los_gravity(rho: Array, rate: Array, acceleration: Array, dv: Array) -> Arra
 def los_acceleration(dr: Array, da: Array) -> Array:
     """Relative acceleration along the line of sight, e . da with e = dr / rho [m/s^2]."""
     return np.einsum("...i,...i", dr, da) / distance(dr)
-
-
-def earth_rotation(t: Array) -> Array:
-    """Angle of the Earth-fixed frame at t [s] after the start: theta = omega_E t [rad]; no precession, theta(0) = 0."""
-    return OMEGA_EARTH * np.asarray(t)

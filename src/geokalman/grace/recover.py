@@ -15,9 +15,9 @@ from functools import partial
 import numpy as np
 
 from geokalman.constants import OMEGA_EARTH
-from geokalman.grace.model import Array, distance
+from geokalman.grace.model import DAY, Array, distance
 from geokalman.grace.simulate import OrbitPair
-from geokalman.leastsquares import NormalEquations, sum_normals
+from geokalman.leastsquares import NormalEquations, SingularNormalMatrix, sum_normals
 from geokalman.physics.field import GravityField
 from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, column_names, design_block, from_vector
@@ -95,7 +95,7 @@ def recover(
     if rows < unknowns:
         raise ValueError(
             f"{max(rows, 0)} epochs (of {count}, without {edge} at either end) cannot determine the {unknowns} coefficients of degrees "
-            f"2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / 86400:.2f} days, or a lower n_max."
+            f"2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / DAY:.2f} days, or a lower n_max."
         )
     los = np.column_stack([observables[name] for name in ids])[edge : count - edge]
     if not np.isfinite(los).all():
@@ -114,7 +114,10 @@ def recover(
                 progress(done / len(starts))
     else:
         normals = sum_normals(partial(_block_normals, gravity.gm, gravity.radius, n_max), blocks, executor)
-    solution = normals.factor(overwrite=True)
+    try:
+        solution = normals.factor(overwrite=True)
+    except SingularNormalMatrix as error:
+        raise SingularNormalMatrix(f"{error} A longer span, an orbit closer to the poles or an n_max below {n_max} may determine them.") from None
     C, S = (np.array(parts) for parts in zip(*(from_vector(x, n_max) for x in solution.estimate.T), strict=True))
     C[:, 0, 0] = 1.0
     formal_C, formal_S = from_vector(np.sqrt(solution.variances()), n_max)

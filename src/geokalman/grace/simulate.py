@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geokalman.constants import OMEGA_EARTH
-from geokalman.grace.model import Array, Observations, Scenario, range_rate
+from geokalman.grace.model import DAY, Array, Observations, Scenario, range_rate
 from geokalman.physics.field import GravityField
 from geokalman.physics.forces import gravity_force, gravity_params
 from geokalman.physics.frames import to_ecef, to_eci
@@ -45,7 +45,7 @@ class OrbitPair:
 
     def first(self, days: float) -> OrbitPair:
         """The same pair over its first days."""
-        keep = self.t <= days * 86400.0 + 1e-6
+        keep = self.t <= days * DAY + 1e-6
         return OrbitPair(self.t[keep], self.A[keep], self.B[keep])
 
     def every(self, k: int) -> OrbitPair:
@@ -96,7 +96,7 @@ def observe(
     """Relative positions and K-band range-rates of the pair, with white noise where asked for.
 
     sigma_pos [m] per axis and satellite, sigma_rr [m/s]. The draws are, in this order: A (n, 3), B (n, 3), range-rate (n,).
-    The prior mean is the truth at t = 0, as section 3 of the book's set-up says.
+    The prior mean is the truth at t = 0, as the default set-up of the part says.
     """
     baseline, rate = orbit.dr, range_rate(orbit.dr, orbit.dv)
     if sigma_pos < 0 or sigma_rr < 0:

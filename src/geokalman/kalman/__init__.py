@@ -3,6 +3,7 @@
 gaussian     Gaussian, Information, Innovation, Trajectory, Smoothed
 discretise   van Loan; kinematic and Gauss-Markov models
 linear       predict, update, filter_linear           extended, unscented   the same for nonlinear f and h
+adaptive     adaptive factors of a prediction         robust       IGG-III, Huber, gate, equivalent weights
 smoothing    smooth (Rauch-Tung-Striebel)             information           smooth_two_filter, smooth_information
 consistency  nees, nis, whiteness, chi_square_bounds, monte_carlo
 dense, checks   small matrix kernels; checks at the border
@@ -12,6 +13,7 @@ from a compiled loop; they trust their arguments and return a status (0, or 1 + 
 checks its arguments and raises ValueError, or its kind NotPositiveDefinite with the epoch.
 """
 
+from geokalman.kalman.adaptive import adaptive_update
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk
 from geokalman.kalman.extended import Sensor, filter_extended
@@ -26,6 +28,7 @@ from geokalman.kalman.gaussian import (
 )
 from geokalman.kalman.information import smooth_information, smooth_two_filter
 from geokalman.kalman.linear import filter_linear
+from geokalman.kalman.robust import robust_update
 from geokalman.kalman.smoothing import smooth
 from geokalman.kalman.unscented import filter_unscented
 
@@ -37,6 +40,7 @@ __all__ = [
     "Sensor",
     "Smoothed",
     "Trajectory",
+    "adaptive_update",
     "chi_square_bounds",
     "filter_extended",
     "filter_linear",
@@ -47,6 +51,7 @@ __all__ = [
     "monte_carlo",
     "nees",
     "nis",
+    "robust_update",
     "smooth",
     "smooth_information",
     "smooth_two_filter",

@@ -37,7 +37,7 @@ def explained(path: Path) -> Iterator[None]:
         elif error.errno in (errno.ENOTDIR, errno.EEXIST):
             why = "a file stands where a folder is needed; choose another name"
         else:
-            why = error.strerror or str(error)
+            why = f"{error.strerror or error}; choose another folder"
         raise Fault(f"Cannot write {path}: {why}; nothing there was changed.") from error
 
 

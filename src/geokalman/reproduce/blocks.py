@@ -84,15 +84,20 @@ def run_times(root: Path) -> str:
 def api(root: Path) -> str:
     """The public functions and classes of the package, module by module: signature and first sentence."""
     package = root / "src" / "geokalman"
-    parts = []
+    parts: list[str] = []
+    shelf = None
     for path in sorted(package.rglob("*.py"), key=_shelf):
         names = path.relative_to(package.parent).with_suffix("").parts
         tree = ast.parse(path.read_text(encoding="utf-8"))
         named = (n for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name[0] != "_")
         public = [n for n in named if ast.get_docstring(n)]
         if public and "reproduce" not in names:
-            dotted = ".".join(names[:-1] if names[-1] == "__init__" else names)
-            parts += [f"## `{dotted}`", "", _sentence(tree), ""]
+            if shelf != names[:-1]:
+                shelf = names[:-1]
+                parts += [f"## `{'.'.join(shelf)}`", ""]
+            if names[-1] != "__init__":  # a rubric, so that the list of the page's sections stays short
+                parts += [f"```{{rubric}} {'.'.join(names)}", ":heading-level: 3", "```", ""]
+            parts += [_sentence(tree), ""]
             for node in public:
                 parts += [f"`{_signature(node)}`", f": {_sentence(node)}", ""]
     return "\n".join(parts)

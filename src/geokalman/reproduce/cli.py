@@ -6,15 +6,21 @@ import json
 import os
 import sys
 import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from geokalman import files
 from geokalman.reproduce.errors import Fault
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 _INTERRUPTED = 130
+_WIDE = 120  # characters of a line of text, at most
+_LONG = 16  # characters of a cell that its column does not grow for
 app = typer.Typer(
     help="Recompute, change and judge the notebooks of the book.", no_args_is_help=True, add_completion=False,
     pretty_exceptions_enable=False, rich_markup_mode=None,
@@ -57,14 +63,16 @@ def params(notebook: str, as_json: Annotated[bool, typer.Option("--json", help="
         ]
         print(json.dumps({"parameters": dict(zip(spec.parameters, rows, strict=True)), "quick": spec.quick}, indent=1))
         return
-    from rich.table import Table
-
-    table = Table("name", "type", "default", "quick", "range", "unit", "help", box=None, padding=(0, 2, 0, 0))
+    header = ("name", "type", "default", "quick", "range", "unit", "help")
+    rows = []
     for p in spec.parameters.values():
         quick = repr(spec.quick[p.name]) if p.name in spec.quick else ""
-        unit = "" if p.is_path else p.unit
-        table.add_row(*map(_plain, (p.name, p.type, repr(p.default), quick, p.range, unit, p.help)))
-    _console().print(table)
+        rows.append((p.name, p.type, repr(p.default), quick, p.range, "" if p.is_path else p.unit, p.help))
+    console = _console()
+    if sum(max(map(len, column)) + 2 for column in zip(header, *rows, strict=True)) > console.width:
+        _print_narrow([header[:-1], *(row[:-1] for row in rows)], ["", *(row[-1] for row in rows)], console.width)
+    else:
+        _print_table(console, header, rows)
     print(f"\nas in: geokalman run {notebook} {' '.join(f'{k}={v}' for k, v in list(spec.quick.items())[:1])}".rstrip())
 
 
@@ -118,18 +126,18 @@ def claims(
     if as_json:
         print(json.dumps([entry for p in wanted for entry in claims.as_json(root, p)], indent=1, ensure_ascii=False))
         return
-    from rich.table import Table
-
+    width = min(_console().width, _WIDE)
     for name in wanted:
-        table = Table(title=claims.paper_title(root, name), title_justify="left", box=None, padding=(0, 2, 0, 0))
-        for column in ("claim", *claims.HEADER):
-            table.add_column(column, no_wrap=column in ("claim", "Verdict"), overflow="fold")
-        for judgement in claims.judge_paper(root, name):
-            row = claims.row(judgement)
+        judgements = claims.judge_paper(root, name)
+        print(f"{claims.paper_title(root, name)}\n")
+        for judgement in judgements:
+            says, printed, ours, verdict, why = claims.row(judgement)
             if not judgement.as_expected:
-                row[5] += f" (expected {judgement.claim.verdict})"
-            table.add_row(judgement.claim.id, *map(_plain, row))
-        _console().print(table)
+                verdict += f" (expected {judgement.claim.verdict})"
+            print(f"{judgement.claim.id}: {verdict}")
+            numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)
+            for text in filter(None, (says, numbers, why)):
+                print(_indented(text, width))
 
 
 @app.command()
@@ -177,12 +185,7 @@ def compare(
     print(f"left:  {found.left}\nright: {found.right}")
     for name, a, b in found.parameters:
         print(f"  {name}: {a!r} | {b!r}")
-    from rich.table import Table
-
-    table = Table(*comparing.HEADER, box=None, padding=(0, 2, 0, 0))
-    for row in found.rows:
-        table.add_row(*map(_plain, comparing.texts(row)))
-    _console().print(table)
+    _print_table(_console(), comparing.HEADER, [comparing.texts(row) for row in found.rows])
     moved = comparing.moved(found, rel)
     sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
     print(comparing.write_page(found, out or left / "compare"))
@@ -228,17 +231,38 @@ def notebooks_(force: Annotated[bool, typer.Option("--force", help="Overwrite ed
         print(path)
 
 
-def _console():
+def _console() -> Console:
     from rich.console import Console
 
     console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=200)
+    return console if console.is_terminal or "COLUMNS" in os.environ else Console(highlight=False, width=200)
 
 
-def _plain(text: str) -> str:
+def _print_table(console: Console, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     from rich.markup import escape
+    from rich.table import Table
 
-    return escape(str(text))
+    table = Table(*header, box=None, padding=(0, 2, 0, 0))
+    for row in rows:
+        table.add_row(*map(escape, row))
+    console.print(table)
+
+
+def _print_narrow(rows: Sequence[Sequence[str]], below: Sequence[str], width: int) -> None:
+    """Rows in aligned columns, out of line where a cell is long, with a text of its own below each."""
+    widths = [max(len(cell) for cell in column if len(cell) <= _LONG) for column in zip(*rows, strict=True)]
+    for row, text in zip(rows, below, strict=True):
+        line = "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip()
+        print(line if len(line) <= width else _indented("  ".join(filter(None, row)), width).strip())
+        if text:
+            print(_indented(text, width))
+
+
+def _indented(text: str, width: int) -> str:
+    import textwrap
+
+    look = {"initial_indent": "    ", "subsequent_indent": "    ", "break_long_words": False, "break_on_hyphens": False}
+    return textwrap.fill(text, width, **look)
 
 
 def main() -> None:

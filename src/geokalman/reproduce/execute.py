@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import logging
 import os
 import re
 import shutil
@@ -26,8 +27,6 @@ from geokalman.reproduce.errors import Fault, Misuse
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-RUN_FILES = ("notebook.ipynb", "metrics.json", "arrays.npz", "provenance.json")
-"""What every run folder holds; `figures/` and `tables/` stand beside where the notebook shows some."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: weakref.WeakSet[Any] = weakref.WeakSet()
@@ -84,7 +83,7 @@ def _run_alone(
     _working.add(work)
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, threads, progress)
+        executed = _execute(source, name, values, root, record, work, out, threads, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -107,6 +106,9 @@ def _run_alone(
         atomic.write_json(record / "provenance.json", told)
         atomic.swap_folder(record, out)
         failed.unlink(missing_ok=True)
+    except Fault as error:  # readers know where the run was to stand, not where it was made
+        error.args = (str(error).replace(str(record), str(out)),)
+        raise
     finally:
         shutil.rmtree(work, ignore_errors=True)
         _working.discard(work)
@@ -153,8 +155,8 @@ def refuse_foreign(out: Path) -> None:
 
 
 def _execute(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, threads: int,
-    progress: Progress | None,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, out: Path,
+    threads: int, progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -192,6 +194,7 @@ def _execute(
         if progress and cell.cell_type == "code":
             progress(index.get(cell.get("id"), 0) + 1, len(index))
 
+    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
     try:
         (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
         return papermill.execute_notebook(
@@ -206,7 +209,7 @@ def _execute(
     except RuntimeError as error:  # nbclient's DeadKernelError is one
         raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
     except OSError as error:
-        with atomic.explained(work):
+        with atomic.explained(out):
             raise error
 
 

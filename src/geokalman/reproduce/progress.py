@@ -1,4 +1,4 @@
-"""What a running notebook shows: cell k of n and the seconds on a terminal, one line when done elsewhere."""
+"""What a running notebook shows: cell k of n and the seconds on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from geokalman.reproduce.execute import Progress
 class Display:
     """Progress of notebooks on standard error; a context manager, safe to call from several threads."""
 
-    def __init__(self) -> None:
+    def __init__(self, every: float = 30.0) -> None:
+        """every: seconds between two lines on one notebook where there is no terminal."""
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -25,6 +26,7 @@ class Display:
             console=console, transient=True, disable=not console.is_terminal,
         )  # fmt: skip
         self._lock = threading.Lock()
+        self._every = every
 
     def __enter__(self) -> Display:
         self._bars.start()
@@ -38,11 +40,25 @@ class Display:
         """Show one notebook while it runs; yields the function that its execution reports to."""
         start = time.perf_counter()
         task = self._bars.add_task(name, total=None)
-        outcome = "failed after"
+        outcome, done = "failed after", threading.Event()
+        at = [0, 0]  # cell that runs now, number of cells
+
+        def progress(cell: int, cells: int) -> None:
+            at[:] = cell, cells
+            self._bars.update(task, completed=cell, total=cells)
+
+        def tell() -> None:
+            while not done.wait(self._every):
+                self.say(f"... {name}: cell {at[0]} of {at[1]}, {time.perf_counter() - start:.0f} s")
+
+        if self._bars.disable:
+            self.say(f"{name} starts")
+            threading.Thread(target=tell, daemon=True).start()
         try:
-            yield lambda cell, cells: self._bars.update(task, completed=cell, total=cells)
+            yield progress
             outcome = "took"
         finally:
+            done.set()
             self._bars.remove_task(task)
             self.say(f"{name} {outcome} {time.perf_counter() - start:.1f} s")
 

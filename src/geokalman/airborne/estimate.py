@@ -1,0 +1,109 @@
+"""Gravity along one line: the standard filter forward (SAGK), forward and backward combined (SAGFB), and RTS.
+
+The filters are the core's. Nothing here knows a truth or a reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from geokalman.airborne.model import SHORTEST, Array, Line, Model, Tuning, build
+from geokalman.kalman.gaussian import Smoothed, Trajectory
+from geokalman.kalman.information import smooth_two_filter
+from geokalman.kalman.linear import filter_linear
+from geokalman.kalman.smoothing import smooth
+
+Smoother = Literal["rts", "two-filter"]
+
+
+@dataclass(frozen=True)
+class Course:
+    """States along a line with their covariances, in scaled units; `names` and `scale` say which and how.
+
+    t : (n,) [s]; mean : (n, m); cov : (n, m, m).
+    """
+
+    names: tuple[str, ...]
+    scale: Array
+    t: Array
+    mean: Array
+    cov: Array
+
+    def state(self, name: str) -> Array:
+        """One state (n,), e.g. `dg` [mGal] or `tau3` [s]. Raises ValueError where the model has no such state."""
+        k = self._index(name)
+        return self.scale[k] * self.mean[:, k]
+
+    def sigma(self, name: str = "dg") -> Array:
+        """Standard deviation (n,) of one state."""
+        k = self._index(name)
+        return self.scale[k] * np.sqrt(self.cov[:, k, k])
+
+    @property
+    def gravity(self) -> Array:
+        """Gravity disturbance along the line (n,) [mGal]."""
+        return self.state("dg")
+
+    def _index(self, name: str) -> int:
+        if name not in self.names:
+            raise ValueError(f"The model has no state {name!r}; it has {', '.join(self.names)}.")
+        return self.names.index(name)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the filters give for one line: forward, smoothed, and the whitened innovations (n,)."""
+
+    line: str
+    forward: Course
+    smoothed: Course
+    innovations: Array
+
+
+def run_filter(line: Line, model: Model) -> Trajectory:
+    """The standard Kalman filter forward over a line, equations (1) to (3). Raises NotPositiveDefinite with the
+    epoch.
+    """
+    return filter_linear(model.prior, line.t, line.z[:, None], model.H, model.R, (model.Phi, model.Q))
+
+
+def run_smoother(line: Line, model: Model, course: Trajectory, smoother: Smoother) -> Smoothed:
+    """Both directions: `two-filter` is (4) to (6) in information form, `rts` gives the same numbers with less work."""
+    if smoother == "rts":
+        return smooth(course)
+    return smooth_two_filter(course, line.z[:, None], model.H, model.R)
+
+
+def estimate(line: Line, tuning: Tuning, smoother: Smoother = "rts") -> Estimate:
+    """Forward filter and smoother of a line. Raises ValueError for a line that is too short, NotPositiveDefinite."""
+    if line.t[-1] - line.t[0] < SHORTEST - 1.0:
+        raise ValueError(f"Line {line.name} lasts {line.t[-1] - line.t[0]:.1f} s; at least {SHORTEST:g} s are needed.")
+    model = build(line, tuning)
+    course = run_filter(line, model)
+    both = run_smoother(line, model, course, smoother)
+    return Estimate(
+        line.name,
+        Course(model.names, model.scale, course.t, course.mean, course.cov),
+        Course(model.names, model.scale, both.t, both.mean, both.cov),
+        course.whitened[:, 0],
+    )
+
+
+def settled(tuning: Tuning, V: float, dt: float = 0.5, epochs: int = 1601) -> Estimate:
+    """The filters of a tuning on a line without data: their covariances alone mean something, at the speed V [m/s]."""
+    steps, zeros = np.zeros((epochs - 1, 4)), np.zeros(epochs)
+    return estimate(Line("settled", dt * np.arange(epochs), zeros, zeros, steps, steps, V), tuning)
+
+
+def innovation_log_likelihood(line: Line, tuning: Tuning) -> float:
+    """Logarithm of the likelihood of a line under a tuning, from the innovations, up to a constant.
+
+    -1/2 sum (r_k^2 / S_k + log S_k).
+    """
+    model = build(line, tuning)
+    course = run_filter(line, model)
+    S = np.einsum("i,kij,j->k", model.H[0], course.predicted_cov, model.H[0]) + model.R[0, 0]
+    return float(-0.5 * np.sum(course.whitened[:, 0] ** 2 + np.log(S)))

@@ -1,0 +1,157 @@
+"""Simulated and real surveys through the estimators, and what comes out against truth and references, line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from geokalman.airborne import assess, classical, simulate
+from geokalman.airborne.estimate import Estimate, Smoother, estimate
+from geokalman.airborne.model import Array, Tuning
+from geokalman.airborne.read import Flight
+from geokalman.kalman.consistency import monte_carlo
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and truth and reference to
+    judge by.
+
+    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends
+    cut) and
+    butter<cutoff>.
+    """
+
+    name: str
+    t: Array
+    proper: slice
+    gravity: Array
+    reference: Array
+    curves: Mapping[str, Array]
+    sigma: Mapping[str, Array]
+    innovations: Mapping[str, Array]
+    estimated: Mapping[str, float]
+    true: Mapping[str, float]
+
+    def against_reference(self, method: str) -> assess.Statistics:
+        """Statistics (16), (17) of reference minus estimate on the line proper."""
+        return assess.statistics((self.reference - self.curves[method])[self.proper])
+
+    def against_truth(self, method: str) -> float:
+        """Standard deviation of the error on the line proper [mGal]."""
+        return float((self.curves[method] - self.gravity)[self.proper].std())
+
+    def nees(self, method: str) -> float:
+        """Mean normalised squared error of gravity on the line proper."""
+        e = (self.curves[method] - self.gravity)[self.proper] / self.sigma[method][self.proper]
+        return float(np.mean(e**2))
+
+    def nis(self, method: str = "fb") -> float:
+        """Mean normalised innovation squared of the whole flight."""
+        return float(np.mean(self.innovations[method] ** 2))
+
+
+def simulated(
+    scenario: simulate.Scenario,
+    tuning: Tuning,
+    seed: int,
+    coloured: Tuning | None = None,
+    fir: Sequence[float] = (),
+    butter: Sequence[float] = (),
+) -> list[Outcome]:
+    """One simulated survey, default_rng(seed), through all estimators asked for."""
+    return _survey(scenario, tuning, coloured, tuple(fir), tuple(butter), np.random.default_rng(seed))
+
+
+def ensemble(
+    scenario: simulate.Scenario,
+    tuning: Tuning,
+    seeds: Sequence[int],
+    coloured: Tuning | None = None,
+    fir: Sequence[float] = (),
+    butter: Sequence[float] = (),
+    executor=None,
+) -> list[list[Outcome]]:
+    """Several seeds of `simulated`; executor : any concurrent.futures.Executor."""
+    run = partial(_survey, scenario, tuning, coloured, tuple(fir), tuple(butter))
+    return monte_carlo(run, seeds, executor)
+
+
+def six_line_means(runs: Sequence[Sequence[Outcome]], method: str, what: str = "D_raw") -> Array:
+    """Mean over the lines of each run of D_raw, D_centred (against the reference) or truth (sd), (runs,)."""
+    if what == "truth":
+        return np.array([np.mean([line.against_truth(method) for line in run]) for run in runs])
+    return np.array([np.mean([getattr(line.against_reference(method), what) for line in run]) for run in runs])
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Real lines and their estimates, with the trimmed epochs on which they are judged."""
+
+    flights: tuple[Flight, ...]
+    estimates: tuple[Estimate, ...]
+    keep: tuple[slice, ...]
+
+    def series(self, method: str) -> list[Array]:
+        """Curves of a method or of a reference of the survey, whole lines."""
+        if method == "forward":
+            return [e.forward.gravity for e in self.estimates]
+        if method == "fb":
+            return [e.smoothed.gravity for e in self.estimates]
+        return [flight.references[method] for flight in self.flights]
+
+    def sd(self, method: str, reference: str) -> Array:
+        """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN where none is
+        there.
+        """
+        return np.array(
+            [np.nanstd(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
+        )
+
+    def offset(self, method: str, reference: str) -> Array:
+        """Mean of method minus reference, a line at a time [mGal]."""
+        return np.array(
+            [np.nanmean(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
+        )
+
+    def _differences(self, method: str, reference: str) -> list[Array]:
+        pairs = zip(self.series(method), self.series(reference), self.keep, strict=True)
+        return [(ours - theirs)[keep] for ours, theirs, keep in pairs]
+
+
+def real(
+    flights: Sequence[Flight], tuning: Tuning, lag: float = 0.0, trim_s: float = 60.0, smoother: Smoother = "rts"
+) -> Judged:
+    """Estimate real lines, z corrected by a second-order lag [s^2] where given, and cut `trim_s` off either end to
+    judge.
+    """
+    estimates = tuple(estimate(flight.line.lagged(lag), tuning, smoother) for flight in flights)
+    return Judged(tuple(flights), estimates, tuple(assess.inner(flight.line.t, trim_s) for flight in flights))
+
+
+def _survey(scenario, tuning, coloured, fir, butter, rng: np.random.Generator) -> list[Outcome]:
+    out = []
+    for truth, line in simulate.survey(scenario, rng):
+        plain = estimate(line, tuning)
+        curves = {"forward": plain.forward.gravity, "fb": plain.smoothed.gravity}
+        sigma = {"forward": plain.forward.sigma(), "fb": plain.smoothed.sigma()}
+        innovations = {"fb": plain.innovations}
+        if coloured is not None:
+            other = estimate(line, coloured)
+            curves["coloured"], sigma["coloured"] = other.smoothed.gravity, other.smoothed.sigma()
+            innovations["coloured"] = other.innovations
+        curves |= {f"fir{c:g}": classical.fir(line, c) for c in fir}
+        curves |= {f"fircut{c:g}": classical.fir(line, c, cut_ends=True) for c in fir}
+        curves |= {f"butter{c:g}": classical.butterworth(line, c) for c in butter}
+        names = [name for name in ("tau3", "k1", "k2", "k3") if name in plain.smoothed.names]
+        out.append(
+            Outcome(
+                line.name, line.t, truth.proper, truth.gravity, truth.reference, curves, sigma, innovations,
+                {name: float(plain.smoothed.state(name)[-1]) for name in names},
+                dict(zip(("tau3", "k1", "k2", "k3"), truth.k, strict=True)),
+            )
+        )  # fmt: skip
+    return out

@@ -1,0 +1,106 @@
+"""Where truth and estimate meet: position errors in ICRF axes, consistency, convergence, and ensembles of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.kalman.consistency import nees
+from geokalman.physics import mars
+from geokalman.pulsar.estimate import Estimate
+from geokalman.pulsar.model import CENTURIES, Array
+from geokalman.pulsar.simulate import Flight
+
+SETTLED = 100
+"""First row of the statistics: rows 100 to the last, as all statistics of the part."""
+
+
+class Score(NamedTuple):
+    """One run: RMS of position in ICRF axes and in three dimensions [m], of velocity in Mars axes [m/s], NEES/6,
+    NIS per range.
+
+    early : 3-D RMS over rows 100 to 199 [m]; last : last k with a 3-D error above 1 km (0: none); fired : share of
+    epochs with a factor
+    below 1; nis is that of the forward filter.
+    """
+
+    x: float
+    y: float
+    z: float
+    d3: float
+    vx: float
+    vy: float
+    vz: float
+    nees6: float
+    nis: float
+    early: float
+    last: int
+    fired: float
+
+
+def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
+    """Errors of position in ICRF axes [m] and of velocity in Mars axes [m/s], (n, 3) each."""
+    error = estimate.x - flight.x
+    return error[:, :3] @ mars.smci_from_icrf(CENTURIES), error[:, 3:]
+
+
+def sigmas(estimate: Estimate) -> tuple[Array, Array]:
+    """Standard deviations that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s],
+    (n, 3) each."""
+    R = mars.icrf_from_smci(CENTURIES)
+    turned = np.einsum("ij,kjl,il->ki", R, estimate.P[:, :3, :3], R)
+    return np.sqrt(turned), np.sqrt(np.diagonal(estimate.P[:, 3:, 3:], axis1=1, axis2=2))
+
+
+def rms(series: Array) -> Array:
+    """Root mean square over time, the first axis."""
+    return np.sqrt((series**2).mean(axis=0))
+
+
+def score(estimate: Estimate, flight: Flight, first: int = SETTLED) -> Score:
+    """The numbers of one run over rows `first` to the last. Raises ValueError where nothing would be left."""
+    n = len(flight.t)
+    if not 0 <= first < n:
+        raise ValueError(f"first = {first} leaves no epoch of {n}; give more days.")
+    position, velocity = errors(estimate, flight)
+    distance = np.sqrt((position**2).sum(axis=1))
+    axes, speed = rms(position[first:]), rms(velocity[first:])
+    kept = estimate.observed[first:] > 0
+    nis = float(estimate.nis[first:][kept].sum() / estimate.observed[first:].sum()) if kept.any() else np.nan
+    beyond = np.flatnonzero(distance > 1000.0)
+    return Score(
+        *map(float, axes), float(rms(distance[first:])), *map(float, speed),
+        float(nees(estimate.x[first:] - flight.x[first:], estimate.P[first:]).mean() / 6.0), nis,
+        float(rms(distance[first : first + 100])), int(beyond[-1]) + 1 if beyond.size else 0,
+        float((estimate.alpha < 1.0).mean()),
+    )  # fmt: skip
+
+
+def mean(scores: Sequence[Score]) -> Score:
+    """Means over an ensemble."""
+    return Score(*np.mean(np.array(scores, dtype=float), axis=0).tolist())
+
+
+def spread(scores: Sequence[Score]) -> Score:
+    """Standard deviations over an ensemble (n - 1); zeros for a single run."""
+    values = np.array(scores, dtype=float)
+    return Score(*(values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])).tolist())
+
+
+def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:
+    """Mean over the seeds of the difference one - other of the 3-D RMS [m], and the standard error of that mean.
+
+    The runs of one seed share their observations: the right statistic for filters whose results are close.
+    """
+    difference = np.array([a.d3 - b.d3 for a, b in zip(one, other, strict=True)])
+    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(
+        difference
+    ) > 1 else 0.0
+
+
+def ordered(scores: Mapping[str, Sequence[Score]], names: Sequence[str]) -> bool:
+    """Do the mean 3-D errors of the named filters increase in this order?"""
+    means = [mean(scores[name]).d3 for name in names]
+    return all(a < b for a, b in zip(means, means[1:], strict=False))

@@ -1,0 +1,155 @@
+"""Monte Carlo: the same flight observed with many seeds, each time by the same filters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geokalman.kalman.consistency import monte_carlo
+from geokalman.physics.field import GravityField
+from geokalman.pulsar import accelerations, assess, estimate, simulate
+from geokalman.pulsar.assess import Score
+from geokalman.pulsar.dynamics import Force, j2_force
+from geokalman.pulsar.estimate import Diverged, Tuning
+from geokalman.pulsar.model import Array, Mission, Preset
+from geokalman.pulsar.simulate import Flight
+
+
+@dataclass(frozen=True)
+class Method:
+    """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
+
+    smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
+    these alone;
+    r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three accelerations
+    beside its states.
+    """
+
+    kind: str
+    tuning: Tuning | None = None
+    preset: Preset | None = None
+    force: Force | None = None
+    smoothed: bool = False
+    order: tuple[int, ...] = ()
+    pulsars: tuple[int, ...] = ()
+    r_factor: float = 1.0
+    empirical: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A flight, how it is observed, and the filters that are tried on each seed.
+
+    Called with a Generator it gives label -> Score, or label -> None where the filter diverged.
+    """
+
+    mission: Mission
+    preset: Preset
+    flight: Flight
+    force: Force
+    methods: Mapping[str, Method]
+    tuning: Tuning = Tuning()
+    outlier_fraction: float = 0.0
+    outlier_size: float = 10.0
+    bias: simulate.Bias = "white"
+    first: int = assess.SETTLED
+
+    def __call__(self, rng: np.random.Generator) -> dict[str, Score | None]:
+        data = simulate.observe(
+            self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias
+        )
+        return {label: self._score(method, data) for label, method in self.methods.items()}
+
+    def _score(self, method: Method, data: simulate.Observations) -> Score | None:
+        try:
+            return assess.score(self.estimate(method, data), self.flight, self.first)
+        except Diverged:
+            return None
+
+    def estimate(self, method: Method, data: simulate.Observations) -> estimate.Estimate:
+        """What a method makes of the observations. Raises Diverged."""
+        if method.pulsars:
+            keep = [self.mission.columns.index(k - 1) for k in method.pulsars]
+            data = replace(
+                data,
+                z=np.ascontiguousarray(data.z[:, keep]),
+                H=np.ascontiguousarray(data.H[keep]),
+                variance=data.variance[keep],
+            )
+        if method.order:
+            data = simulate.one_at_a_time(data, list(method.order), self.mission.columns)
+        preset = method.preset or self.preset
+        if method.empirical:
+            return accelerations.run(data, self.start(), preset.P0, method.force or self.force, *method.empirical)
+        result = estimate.run(
+            method.kind, data, self.start(), preset, method.force or self.force, method.tuning or self.tuning,
+            R=np.diag(method.r_factor * data.variance),
+        )  # fmt: skip
+        return estimate.smooth(result) if method.smoothed else result
+
+    def start(self) -> Array:
+        """Initial estimate (6,): the truth plus the preset's initial error on every component."""
+        return self.flight.x0 + np.repeat(self.preset.error, 3)
+
+
+def experiment(
+    mission: Mission,
+    preset: Preset,
+    gravity: GravityField,
+    methods: Mapping[str, Method],
+    tuning: Tuning | None = None,
+    **options,
+) -> Experiment:
+    """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of
+    `Experiment`."""
+    flight = simulate.fly(mission, gravity, preset.mismatch)
+    return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
+
+
+def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> dict[str, list[Score | None]]:
+    """Scores of each method over the seeds seed0, seed0 + 1, ...; the same whatever the number of workers (threads).
+
+    Raises ValueError for no seeds or workers.
+    """
+    if n_seeds < 1 or workers < 1:
+        raise ValueError(f"n_seeds = {n_seeds}, workers = {workers}: both must be at least 1.")
+    return over_seeds(trial, range(seed0, seed0 + n_seeds), workers)
+
+
+def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | None]]:
+    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and
+    spread."""
+    seeds = list(seeds)
+    if len(set(seeds)) < len(seeds):
+        twice = next(s for s in seeds if seeds.count(s) > 1)
+        raise ValueError(f"seed {twice} is repeated; each run of an ensemble needs a seed of its own.")
+    if workers == 1:
+        results = monte_carlo(trial, seeds)
+    else:
+        with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
+            results = monte_carlo(trial, seeds, pool)
+    return {label: [result[label] for result in results] for label in trial.methods}
+
+
+def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
+    """Methods by the names of Table 3: the filters of `estimate.KINDS`, `rts`, and `ekf_tuned` where the preset
+    defines it.
+
+    Raises ValueError for another name.
+    """
+    methods = {}
+    for name in filters:
+        if name == "ekf_tuned":
+            methods[name] = Method("ekf", preset=preset.with_tuned_noise())
+        elif name == "rts":
+            methods[name] = Method("ekf", smoothed=True)
+        elif name in estimate.KINDS:
+            methods[name] = Method(name)
+        else:
+            raise ValueError(
+                f"filter {name!r} is unknown; give some of {', '.join([*estimate.KINDS, 'rts', 'ekf_tuned'])}."
+            )
+    return methods

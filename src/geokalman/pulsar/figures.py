@@ -1,0 +1,233 @@
+"""Figures of the flight and of its filters. Plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in
+force.
+
+Those of the timing model, the transition matrix and the photons stand in `signal_figures`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from geokalman.pulsar.model import Array
+from geokalman.style import METHODS, Method, ink
+
+STYLES = {
+    "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf", "ukf": "ukf",
+    "rts": "rts", "ekf_tuned": "ekf", "igg": "exact",
+}  # fmt: skip
+"""Name of a filter -> name of its style."""
+LABELS = {
+    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)", "aekf2": "AEKF2", "raekf": "RAEKF",
+    "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q", "igg": "EKF, IGG-III on innovations",
+}  # fmt: skip
+"""Name of a filter -> how it is called in figures and tables."""
+AXES = "XYZ"
+
+
+_WORDS = (
+    ("RAEKF", "raekf"),
+    ("AEKF2", "aekf2"),
+    ("AEKF1", "aekf1"),
+    ("RTS", "rts"),
+    ("UKF", "ukf"),
+    ("EKF", "ekf"),
+    ("igg", "exact"),
+    ("Huber", "exact"),
+)
+
+
+def _style(name: str) -> Method:
+    """Style of a filter by its name, or of a label by the filter that it names."""
+    named = STYLES.get(name) or next((style for word, style in _WORDS if word in name), "neutral")
+    return METHODS[named]
+
+
+def _round_ticks(axis: Axis, low: float, high: float) -> None:
+    """Ticks in plain digits on a logarithmic axis that is not long enough for powers of ten alone."""
+    steps = (1, 2, 5) if high < 12.0 * low else (1, 3)
+    ticks = [f * 10.0**k for k in range(-3, 7) for f in steps if low <= f * 10.0**k <= high]
+    axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+    axis.set_minor_locator(NullLocator())
+
+
+def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
+    """The orbit over the disc of Mars in three projections; states (n, 6) [m], radius of Mars [m]."""
+    figure, panels = plt.subplots(1, 3, figsize=(7.2, 2.8))
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    for panel, (i, j) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
+        panel.fill(
+            radius / 1e3 * np.cos(angle),
+            radius / 1e3 * np.sin(angle),
+            color=METHODS["aekf1"].colour,
+            alpha=0.3,
+            linewidth=0,
+            label="Mars",
+        )
+        panel.plot(states[:, i] / 1e3, states[:, j] / 1e3, color=METHODS["truth"].colour, linewidth=0.7, label="orbit")
+        panel.set(xlabel=f"{axes[i]} [km]", ylabel=f"{axes[j]} [km]", aspect="equal")
+        panel.set_xticks([-3000, 0, 3000])
+        panel.set_yticks([-3000, 0, 3000])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
+
+
+def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
+    """Ranges along the lines to pulsars, as times of arrival give them; t (n,) [s], z (n, m) [m]."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.2))
+    for k, (name, key) in enumerate(
+        zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)
+    ):
+        style = METHODS[key]
+        axes.plot(
+            t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name
+        )
+    axes.set(xlabel="time [h]", ylabel="range along the line [km]")
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+def axis_errors(
+    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0
+) -> Figure:
+    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band; zoom > 0 limits the axis to +-
+    zoom."""
+    figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
+    style = METHODS["aekf1"]
+    for j, panel in enumerate(panels):
+        panel.fill_between(
+            epoch,
+            -3 * sigma[:, j],
+            3 * sigma[:, j],
+            color=style.colour,
+            alpha=0.22,
+            linewidth=0,
+            label="±3 sigma of the filter",
+        )
+        panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
+        panel.axhline(0.0, color=ink(), linewidth=0.6)
+        panel.set_ylabel(f"{names[j]} [{unit}]")
+        if zoom:
+            panel.set_ylim(-zoom, zoom)
+    panels[-1].set_xlabel("epoch k, 500 s apart")
+    panels[0].set_title(f"error of {quantity}", loc="left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, float]) -> Figure:
+    """NEES/6 against epoch, one line per filter, with the 95 % bounds of a single epoch."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.4))
+    for name, values in nees6.items():
+        style = _style(name)
+        axes.semilogy(epoch, values, color=style.colour, linewidth=0.8, label=LABELS.get(name, name))
+    axes.axhspan(*bounds, color=METHODS["ukf"].colour, alpha=0.25, linewidth=0, label="95 % of an honest filter")
+    axes.set(xlabel="epoch k, 500 s apart", ylabel="NEES / 6")
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], printed: Sequence[float]) -> Figure:
+    """Table 3 as a figure: RMS on X, Y, Z [m] of each filter with its spread over seeds, and the paper's AEKF1."""
+    figure, panels = plt.subplots(1, 3, figsize=(7.2, 3.4), sharey=True)
+    names = list(scores)
+    for j, panel in enumerate(panels):
+        for k, name in enumerate(names):
+            panel.errorbar(
+                scores[name][j],
+                k,
+                xerr=spreads[name][j],
+                color=_style(name).colour,
+                marker=_style(name).marker or "o",
+                markersize=6,
+                capsize=3,
+            )
+        panel.axvline(printed[j], color=ink(), linewidth=0.9, linestyle="--", label=f"paper, AEKF1: {printed[j]:g} m")
+        panel.set(
+            xlabel=f"RMS error in {AXES[j]} [m]",
+            xscale="log",
+            yticks=range(len(names)),
+            yticklabels=[LABELS.get(n, n) for n in names],
+        )
+        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        _round_ticks(panel.xaxis, *panel.get_xlim())
+    panels[0].invert_yaxis()
+    return figure
+
+
+def seed_strip(
+    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None
+) -> Figure:
+    """One row for each label: a point for every seed, and their mean; marks: label -> x of a vertical line."""
+    figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
+    for k, (label, row) in enumerate(values.items()):
+        style = _style(label)
+        axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
+        axes.plot(
+            np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
+        )
+    for text, x in (marks or {}).items():
+        axes.axvline(x, color=ink(), linewidth=0.8, linestyle="--")
+        axes.annotate(
+            text, (x, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(3, 2), fontsize=8
+        )
+    axes.set(
+        xlabel=xlabel,
+        yticks=range(len(values)),
+        yticklabels=[LABELS.get(n, n) for n in values],
+        ylim=(len(values) - 0.5, -0.5),
+    )
+    if log:
+        axes.set_xscale("log")
+    return figure
+
+
+def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx: bool = True) -> Figure:
+    """Curves of several filters against one setting; x (n,), values: filter -> (n,)."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.6))
+    for name, y in values.items():
+        style = _style(name)
+        shade = {"aekf1_pr3": "x", "aekf1_pr2": "+"}.get(name, style.marker or "o")
+        axes.plot(
+            x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name)
+        )
+    axes.set(xlabel=xlabel, ylabel=ylabel, yscale="log")
+    _round_ticks(axes.yaxis, *axes.get_ylim())
+    if logx:
+        axes.set_xscale("log")
+    else:
+        axes.set_xticks(x[np.diff(x, prepend=-np.inf) > 0.03 * np.ptp(x)])
+    if len(values) > 1:
+        figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
+    """3-D RMS [m] and NIS per range of the EKF against the position noise of its process noise [m]."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
+    style = METHODS["ekf"]
+    left.loglog(q, d3, color=style.colour, marker=style.marker)
+    left.set(xlabel="process noise of position in 500 s [m]", ylabel="3-D RMS error [m]")
+    left.set_title(f"least error {d3.min():.0f} m, at {q[d3.argmin()]:g} m", loc="left")
+    _round_ticks(left.yaxis, *left.get_ylim())
+    right.loglog(q, nis, color=style.colour, marker=style.marker)
+    right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
+    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS per range")
+    for axes in (left, right):
+        axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":")
+    return figure
+
+
+def smoothing(epoch: Array, filtered: Array, smoothed: Array, ylabel: str) -> Figure:
+    """3-D position error [m] of a filter and of its smoother against epoch, (n,) each."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.2))
+    for name, values in (("ekf", filtered), ("rts", smoothed)):
+        axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=METHODS[name].label)
+    axes.set(xlabel="epoch k, 500 s apart", ylabel=ylabel)
+    axes.legend(ncols=2)
+    return figure

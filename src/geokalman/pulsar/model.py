@@ -1,0 +1,188 @@
+"""The experiment: pulsars and how well they range, the orbiter, the field it flies in, and the presets A to E.
+
+Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see
+the
+page of the paper for the source of each value. Equation numbers are the paper's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geokalman.constants import C_LIGHT
+from geokalman.physics import mars
+from geokalman.pulsar.catalogue import PULSARS, directions, ranging_sigma
+
+Array = NDArray[np.float64]
+
+STEP = 500.0
+"""Interval between epochs [s]; an observation lasts as long."""
+CENTURIES = 0.14
+"""Julian centuries TDB since J2000 at which the Mars equator is frozen as inertial frame in all presets."""
+CLOCK = C_LIGHT * 1e-9
+"""Clock error of 1e-9 s [m]: a constant."""
+TRANSFER = C_LIGHT * 1e-7
+"""Error of the transfer of the timing model of 1e-7 s [m]: white in every observation, unless an experiment says
+otherwise."""
+DAY = 86400.0
+
+
+class Orbit(NamedTuple):
+    """Elements of the orbiter in the inertial Mars equatorial frame: [m, -, rad ...], and the epoch JD TDB."""
+
+    a: float = 3780e3
+    e: float = 0.0085
+    inc: float = math.radians(92.9)
+    raan: float = math.radians(30.0)
+    argp: float = math.radians(270.0)
+    m0: float = 0.0
+    epoch: float = 2456658.5
+
+
+@dataclass(frozen=True)
+class Preset:
+    """What is true and what the filter believes.
+
+    mismatch : lambda of the truth, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
+    range and
+    transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white acceleration
+    q_acc [m/s^1.5];
+    p0 : sigmas of initial position [m] and velocity [m/s]; error : initial error of every component [m, m/s];
+    tuned : (q_pos, q_vel) of the tuned filter, or None; aekf1 : the default variant of AEKF1.
+    Raises ValueError for sigmas that are not positive.
+    """
+
+    name: str
+    meaning: str
+    mismatch: float
+    sigma_scale: float
+    noise: str
+    q_pos: float = 1.0
+    q_vel: float = 1e-3
+    q_acc: float = 1e-7
+    p0: tuple[float, float] = (1e3, 1.0)
+    error: tuple[float, float] = (0.0, 0.0)
+    tuned: tuple[float, float] | None = None
+    aekf1: str = "aekf1_prw"
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_scale", "q_pos", "q_vel", "q_acc"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} = {value:g} of preset {self.name} is not a positive number.")
+        if not (min(self.p0) > 0 and all(map(math.isfinite, self.p0 + self.error))):
+            raise ValueError(
+                f"p0 = {self.p0}, error = {self.error} of preset {self.name}: sigmas must be positive, errors finite."
+            )
+        if self.noise not in ("qd", "qc"):
+            raise ValueError(f"noise = {self.noise!r} of preset {self.name} is unknown; give qd or qc.")
+
+    def process_noise(self, dt: float) -> Array:
+        """Q of a step of dt [s] (6, 6): that of 500 s, in proportion (qd), or integrated white acceleration (qc)."""
+        Q = np.zeros((6, 6))
+        i = np.arange(3)
+        if self.noise == "qd":
+            Q[i, i], Q[i + 3, i + 3] = self.q_pos**2 * dt / STEP, self.q_vel**2 * dt / STEP
+        else:
+            q2 = self.q_acc**2
+            Q[i, i], Q[i + 3, i + 3] = q2 * dt**3 / 3, q2 * dt
+            Q[i, i + 3] = Q[i + 3, i] = q2 * dt**2 / 2
+        return Q
+
+    @property
+    def P0(self) -> Array:
+        """Initial covariance (6, 6)."""
+        return np.diag(np.repeat(self.p0, 3) ** 2)
+
+    def with_tuned_noise(self) -> Preset:
+        """The preset with its tuned process noise. Raises ValueError where none is defined."""
+        if self.tuned is None:
+            raise ValueError(f"preset {self.name} defines no tuned process noise; C and E do.")
+        return replace(self, noise="qd", q_pos=self.tuned[0], q_vel=self.tuned[1])
+
+
+PRESETS = {
+    p.name: p
+    for p in (
+        Preset("A", "over-confident start", 0.0, 1.0, "qc", p0=(10.0, 0.01), error=(1000.0, 0.5), aekf1="aekf1_pr3"),
+        Preset("B", "everything consistent", 0.0, 1.0, "qc", aekf1="aekf1_pr3"),
+        Preset("C", "J2 filter in the real field, process noise too small", 1.0, 1.0, "qd", tuned=(150.0, 0.6)),
+        Preset("D", "J2 filter in the real field, process noise tuned", 1.0, 1.0, "qd", q_pos=150.0, q_vel=0.6),
+        Preset("E", "as C, with ranges 15 times more accurate", 1.0, 0.067, "qd", tuned=(70.0, 0.28)),
+    )
+}
+
+
+def preset(name: str, **changes: Any) -> Preset:
+    """The preset of that name; changes that are not None replace its fields. Raises ValueError for another name."""
+    if name not in PRESETS:
+        raise ValueError(f"preset {name!r} is unknown; the presets are {', '.join(PRESETS)}.")
+    given = {key: value for key, value in changes.items() if value is not None}
+    return replace(PRESETS[name], **given) if given else PRESETS[name]
+
+
+@dataclass(frozen=True)
+class Mission:
+    """The orbiter, how long it is observed and by which pulsars, in the inertial frame of the Mars equator.
+
+    Raises ValueError for a span without epochs and for pulsars that are unknown or named twice.
+    """
+
+    orbit: Orbit = Orbit()
+    days: float = 5.0
+    pulsars: tuple[int, ...] = (1, 2, 3, 4, 5, 6, 7)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.days) and self.days * DAY >= STEP):
+            raise ValueError(f"days = {self.days:g} leaves no epoch; they are {STEP:g} s apart.")
+        object.__setattr__(self, "pulsars", tuple(self.pulsars))
+        unknown = [k for k in self.pulsars if not 1 <= k <= len(PULSARS)]
+        if unknown or not self.pulsars:
+            raise ValueError(f"pulsars = {list(self.pulsars)}: give numbers of Table 1, 1 to {len(PULSARS)}.")
+        if len(set(self.pulsars)) < len(self.pulsars):
+            raise ValueError(f"pulsars = {list(self.pulsars)} names one twice; each gives one observation an epoch.")
+
+    @classmethod
+    def from_parameters(cls, parameters: dict[str, Any]) -> Mission:
+        """The mission of a notebook's parameters: `raan_deg`, `days` and `pulsars`, where they are given."""
+        p = parameters
+        orbit = Orbit(raan=math.radians(p["raan_deg"])) if "raan_deg" in p else Orbit()
+        return cls(orbit, p.get("days", cls.days), tuple(p.get("pulsars", cls.pulsars)))
+
+    @property
+    def epochs(self) -> int:
+        """Number of observation epochs, k = 1 ... : 864 for five days."""
+        return math.floor(self.days * DAY / STEP + 1e-9)
+
+    @property
+    def t(self) -> Array:
+        """Times of the observations [s], (n,): the first is 500 s after the initial state."""
+        return STEP * np.arange(1.0, self.epochs + 1)
+
+    @property
+    def columns(self) -> list[int]:
+        """Columns of the observed pulsars in arrays of all seven."""
+        return [k - 1 for k in self.pulsars]
+
+    def H(self) -> Array:
+        """Directions to the observed pulsars in the inertial Mars frame: the position columns of (13), (m, 3)."""
+        return np.ascontiguousarray(all_directions()[self.columns])
+
+    def sigmas(self) -> Array:
+        """Ranging accuracy (14)-(16) of the observed pulsars in 500 s with a square metre [m], (m,)."""
+        return all_sigmas()[self.columns]
+
+
+def all_directions() -> Array:
+    """Unit vectors to the seven pulsars in the inertial Mars frame (7, 3)."""
+    return directions(PULSARS) @ mars.icrf_from_smci(CENTURIES)
+
+
+def all_sigmas() -> Array:
+    """Ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
+    return np.array([ranging_sigma(pulsar) for pulsar in PULSARS])

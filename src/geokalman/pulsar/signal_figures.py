@@ -1,0 +1,149 @@
+"""Figures of the signal: timing model, transition matrix, pulsars on the sky, ranging accuracy, real photons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from geokalman.pulsar.model import Array
+from geokalman.style import METHODS, ink
+
+_KEYS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
+
+
+def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], ylabels: Sequence[str]) -> Figure:
+    """Terms of the timing model over time, one panel each; terms: title -> (n, m), one column a pulsar."""
+    figure, panels = plt.subplots(len(terms), 1, sharex=True, figsize=(7.2, 1.0 + 1.8 * len(terms)))
+    for panel, (title, values), ylabel in zip(np.atleast_1d(panels), terms.items(), ylabels, strict=True):
+        for k, name in enumerate(names):
+            style = METHODS[_KEYS[k % 7]]
+            panel.plot(days, values[:, k], color=style.colour, linestyle=style.line, linewidth=1.1, label=name)
+        panel.set_ylabel(ylabel)
+        panel.set_title(title, loc="left")
+        if (values > 0).all():
+            panel.set_yscale("log")
+    panel.set_xlabel("days after the epoch")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Array) -> Figure:
+    """Errors of transition matrices over 500 s against the substep [s]: Markley's by block, the integrated one's
+    block rv."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.6))
+    units = {"rr": "", "rv": " [s]", "vr": " [1/s]", "vv": ""}
+    for (name, values), key in zip(markley.items(), ("ekf", "aekf1", "aekf2", "ukf"), strict=True):
+        style = METHODS[key]
+        axes.loglog(
+            steps,
+            values,
+            color=style.colour,
+            linestyle=style.line,
+            marker=style.marker or "o",
+            label=f"Markley, {name}{units[name]}",
+        )
+    axes.loglog(steps, integrated, color=METHODS["exact"].colour, linestyle=":", marker="x", label="integrated, rv [s]")
+    axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--")
+    axes.annotate(
+        "warn",
+        (100.0, 1.0),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        xytext=(2, -10),
+        fontsize=8,
+    )
+    axes.set(xlabel="substep [s]", ylabel="largest error over 500 s")
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure:
+    """The pulsars on the sky, ra, dec [deg]; the larger the dot, the better the range; sigma [m]."""
+    figure = plt.figure(figsize=(7.2, 3.8))
+    axes = figure.add_subplot(projection="mollweide")
+    longitude = np.radians((np.asarray(ra) + 180.0) % 360.0 - 180.0)
+    axes.scatter(longitude, np.radians(dec), s=900.0 / np.log10(sigma) ** 2.5, color=METHODS["ekf"].colour, alpha=0.85)
+    for k, name in enumerate(names):
+        below = k in (4,)
+        axes.annotate(
+            f"{name}, {sigma[k]:.0f} m", (longitude[k], np.radians(dec[k])), textcoords="offset points", xytext=(0, -16 if below else 9),
+            fontsize=8, ha="center",
+        )  # fmt: skip
+    axes.set_xticks(np.radians([-120, -60, 0, 60, 120]), ["240°", "300°", "0°", "60°", "120°"])
+    axes.set(xlabel="right ascension", ylabel="declination")
+    return figure
+
+
+def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
+    """Ranging accuracy [m] against the duration of an observation [s]; sigma (m, n)."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.4))
+    for k, name in enumerate(names):
+        style = METHODS[_KEYS[k % 7]]
+        axes.loglog(durations, sigma[k], color=style.colour, linestyle=style.line, label=name)
+    axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--")
+    axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":")
+    axes.annotate(
+        "the paper's X error, 94.1 m", (durations[0], 94.1), textcoords="offset points", xytext=(0, -10), fontsize=8
+    )
+    axes.annotate("500 s", (500.0, sigma.min()), textcoords="offset points", xytext=(3, 0), fontsize=8)
+    axes.set(xlabel="duration of an observation with 1 m² [s]", ylabel="accuracy of the range [m]")
+    figure.legend(loc="outside upper center", ncols=4)
+    return figure
+
+
+def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) -> Figure:
+    """Residuals of times of arrival [s] without and with the satellite's orbit; sigma (n,) formal errors [s]."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.4))
+    for k, ((label, values), key) in enumerate(zip(residuals.items(), ("aekf1", "exact", "ekf"), strict=False)):
+        style = METHODS[key]
+        axes.errorbar(
+            t / 60 + 0.4 * (k - 1), 1e3 * values, yerr=1e3 * sigma, color=style.colour, linestyle=style.line, marker=style.marker or "o",
+            capsize=3, label=label,
+        )  # fmt: skip
+    axes.axhline(0.0, color=ink(), linewidth=0.6)
+    axes.set(xlabel="time after the first photon [min]", ylabel="arrival time residual [ms]")
+    figure.legend(loc="outside upper center", ncols=3)
+    return figure
+
+
+def orbit_scale(scales: Array, power: Array) -> Figure:
+    """Z_1^2 against the scale of the satellite's orbit: the range within one of the maximum is shaded."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.0))
+    inside = scales[power > power.max() - 1.0]
+    axes.plot(scales, power, color=METHODS["ekf"].colour)
+    axes.axvspan(
+        inside.min(), inside.max(), color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum"
+    )
+    axes.axvline(1.0, color=ink(), linewidth=0.8, linestyle="--", label="the true orbit")
+    axes.set(xlabel="scale of the orbit of RXTE", ylabel="$Z_1^2$ of all photons")
+    axes.legend()
+    return figure
+
+
+def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
+    """Pulse profiles over two turns, each with the Poisson error of its bins; phases: title -> (n,) [cycles]."""
+    figure, panels = plt.subplots(len(phases), 1, sharex=True, figsize=(7.2, 0.8 + 1.6 * len(phases)))
+    for panel, (title, phase), key in zip(
+        np.atleast_1d(panels), phases.items(), ("ekf", "aekf1", "ukf", "aekf2"), strict=False
+    ):
+        counts, _ = np.histogram(np.mod(phase, 1.0), bins, (0.0, 1.0))
+        two = np.concatenate([counts, counts])
+        edges = np.arange(2 * bins + 1) / bins
+        style = METHODS[key]
+        panel.stairs(two, edges, color=style.colour, linewidth=1.3)
+        panel.fill_between(
+            np.repeat(edges, 2)[1:-1],
+            np.repeat(two - np.sqrt(two), 2),
+            np.repeat(two + np.sqrt(two), 2),
+            color=style.colour,
+            alpha=0.25,
+            linewidth=0,
+        )
+        panel.set(ylabel="photons", title=title)
+        panel.title.set_ha("left")
+        panel.title.set_x(0.0)
+    panel.set_xlabel("pulse phase [cycles]")
+    return figure

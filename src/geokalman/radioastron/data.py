@@ -1,0 +1,227 @@
+"""What an estimator may see and assume: the data of a session, the levels of noise and prior, the weights.
+
+The sizes are assumptions of radioastron-orbit section 3; the paper prints none.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geokalman.constants import GM_EARTH, R_EARTH
+from geokalman.radioastron.model import Array, find_station
+
+LONGEST_GAP = 86400.0
+"""Longest pause between measurements [s] that an estimator bridges."""
+RATE_DISAGREEMENT = 0.1
+"""Largest difference [m/s] between range-rates and the slope of ranges that noise, bias or an outlier may make."""
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} = {value:g} must be a positive finite sigma")
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Noise of the data and size of the errors before: SI.
+
+    prior_position [m], prior_velocity [m/s], sigma_range [m], sigma_rate [m/s] (noise of each datum), bias ("none", "common" or
+    "per-pass") with sigmas bias_range [m] and bias_rate [m/s]; unmodelled forces: relative error of solar pressure, constant
+    acceleration [m s^-2], one impulse [m/s]. Raises ValueError for a sigma that is not positive or an unknown bias.
+    """
+
+    prior_position: float = 2000.0
+    prior_velocity: float = 0.05
+    sigma_range: float = 10.0
+    sigma_rate: float = 1e-3
+    bias: str = "common"
+    bias_range: float = 20.0
+    bias_rate: float = 0.3e-3
+    pressure_error: float = 0.1
+    acceleration: float = 3e-9
+    impulse: float = 5e-3
+
+    def __post_init__(self) -> None:
+        for name in ("prior_position", "prior_velocity", "sigma_range", "sigma_rate", "bias_range", "bias_rate"):
+            _positive(name, getattr(self, name))
+        if self.bias not in ("none", "common", "per-pass"):
+            raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass")
+
+    @classmethod
+    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Levels:
+        """The levels of a notebook's parameters."""
+        names = {
+            "prior_pos_m": "prior_position", "prior_vel_m_s": "prior_velocity", "sigma_range_m": "sigma_range",
+            "sigma_rate_m_s": "sigma_rate", "bias": "bias",
+        }  # fmt: skip
+        return cls(**{ours: p[theirs] for theirs, ours in names.items() if theirs in p} | changes)
+
+    @property
+    def prior_cov(self) -> Array:
+        """Diagonal covariance (6, 6) of the a-priori state."""
+        return np.diag([self.prior_position**2] * 3 + [self.prior_velocity**2] * 3)
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of the biases where it estimates them."""
+
+    sigma_range: float = 50.0
+    sigma_rate: float = 3e-3
+    estimate_bias: bool = False
+    bias_range: float = 20.0
+    bias_rate: float = 0.3e-3
+
+    def __post_init__(self) -> None:
+        for name in ("sigma_range", "sigma_rate", "bias_range", "bias_rate"):
+            _positive(name, getattr(self, name))
+
+    @classmethod
+    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Weights:
+        """The weights of a notebook's parameters; where they are None, the noise of the data."""
+        given = {
+            "sigma_range": p["sigma_range_m"] if p.get("filter_sigma_range_m") is None else p["filter_sigma_range_m"],
+            "sigma_rate": p["sigma_rate_m_s"] if p.get("filter_sigma_rate_m_s") is None else p["filter_sigma_rate_m_s"],
+            "estimate_bias": p.get("estimate_bias", False),
+        }
+        return cls(**given | changes)
+
+
+NAIVE = Weights(10.0, 1e-3)
+"""R = 10/1: the noise of the data and nothing for what else is wrong."""
+INFLATED = Weights(50.0, 3e-3)
+"""R = 50/3, the recommended default: it makes room for the bias."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What an estimator may see: two-way ranges and range-rates of one or more stations, and an a-priori state.
+
+    t (n,) reception times [s], sorted; several stations may share a time; station (n,) index into stations; arc (n,) number of the
+    pass; range (n,) half of the two-way range [m]; rate (n,) its rate [m/s], positive when receding; NaN where missing;
+    prior_mean (6,), prior_cov (6, 6) at t[0] [m, m/s].
+    Raises ValueError, one sentence each: shapes, infinities, times unsorted or doubled, an empty pass, a gap over a day, a covariance
+    that is none, a state inside the Earth or unbound, and ranges that are in km, of the whole way, or of the wrong sign.
+    Warns when there is one pass alone, which leaves the state undetermined across the line of sight.
+    """
+
+    t: Array
+    station: NDArray[np.int64]
+    arc: NDArray[np.int64]
+    range: Array
+    rate: Array
+    stations: tuple[str, ...]
+    prior_mean: Array
+    prior_cov: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.t)
+        if n == 0:
+            raise ValueError("there is no measurement: the pass is empty")
+        for name in ("station", "arc", "range", "rate"):
+            if getattr(self, name).shape != (n,):
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}; with {n} times it must be ({n},)")
+        for name in ("range", "rate"):
+            bad = np.isinf(getattr(self, name))
+            if bad.any():
+                raise ValueError(f"{name} at index {int(bad.argmax())} is infinite; a missing one is NaN")
+        if np.isnan(self.range).all() and np.isnan(self.rate).all():
+            raise ValueError("every measurement is missing: the pass is empty")
+        if not np.isfinite(self.t).all():
+            raise ValueError(f"time at index {int((~np.isfinite(self.t)).argmax())} is not finite")
+        step = np.diff(self.t)
+        if (step < 0.0).any():
+            k = int((step < 0.0).argmax()) + 1
+            raise ValueError(f"time {self.t[k]:g} s at index {k} is before the one ahead of it; sort the measurements")
+        same = (step == 0.0) & (np.diff(self.station) == 0)
+        if same.any():
+            k = int(same.argmax()) + 1
+            raise ValueError(
+                f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); drop the duplicate"
+            )
+        if (step > LONGEST_GAP).any():
+            k = int((step > LONGEST_GAP).argmax())
+            raise ValueError(
+                f"the gap of {step[k]:g} s after {self.t[k]:g} s is longer than a day; estimate the arcs one by one"
+            )
+        for name in self.stations:
+            find_station(name)
+        check_prior(self.prior_mean, self.prior_cov)
+        seen = np.flatnonzero(np.isfinite(self.range))
+        if seen.size:
+            self._check_ranges(seen[0])
+        self._check_rates()
+        if len(np.unique(self.arc)) < 2:
+            warnings.warn(
+                "one pass alone leaves the orbit undetermined across the line of sight; the a-priori state decides there",
+                stacklevel=3,
+            )
+
+    def _check_ranges(self, k: int) -> None:
+        expected = float(np.linalg.norm(self.prior_mean[:3]))
+        spread = 2.0 * R_EARTH + 10.0 * math.sqrt(np.trace(self.prior_cov[:3, :3]))
+        ratio = self.range[k] / expected
+        if abs(self.range[k] - expected) <= spread:
+            return
+        hint = "check the units"
+        for factor, words in (
+            (1e-3, "it seems to be in km"),
+            (2.0, "it seems to be the whole way up and down, not half"),
+            (1e3, "it seems to be in mm"),
+        ):
+            if abs(self.range[k] / factor - expected) <= spread:
+                hint = words
+        raise ValueError(
+            f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the a-priori state: {hint}"
+        )
+
+    def _check_rates(self) -> None:
+        """Hold the range-rates of each pass against the slope of its ranges: a sign or a link that is another shows at once."""
+        for arc in np.unique(self.arc):
+            for station in np.unique(self.station):
+                rows = np.flatnonzero(
+                    (self.arc == arc) & (self.station == station) & np.isfinite(self.range) & np.isfinite(self.rate)
+                )
+                if len(rows) < 5:
+                    continue
+                t = self.t[rows] - self.t[rows].mean()
+                fit, (squares, *_) = np.polynomial.polynomial.polyfit(
+                    t, self.range[rows] - self.range[rows].mean(), 2, full=True
+                )
+                spread = math.sqrt(float(np.sum(squares)) / max(1, len(rows) - 3) / (t @ t))
+                rate = float(np.median(self.rate[rows]))
+                limit = max(RATE_DISAGREEMENT, 6.0 * spread)
+                if abs(rate - fit[1]) <= limit:
+                    continue
+                where = f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with the slope {fit[1]:.4f} m/s of its ranges"
+                if abs(rate + fit[1]) <= limit:
+                    raise ValueError(
+                        f"{where}: their sign is that of a Doppler; a range-rate is positive when receding"
+                    )
+                raise ValueError(
+                    f"{where}: a constant near 0.2 m/s means that one-way Doppler was given to the two-way model"
+                )
+
+
+def check_prior(mean: Array, cov: Array) -> None:
+    """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a matrix (6, 6) that is no covariance."""
+    if mean.shape != (6,) or not np.isfinite(mean).all():
+        raise ValueError(f"the a-priori state must be six finite numbers, not {np.array2string(mean, threshold=8)}")
+    distance = float(np.linalg.norm(mean[:3]))
+    if distance < R_EARTH:
+        raise ValueError(f"the a-priori position is {distance / 1e3:.1f} km from the centre, inside the Earth")
+    if 0.5 * mean[3:] @ mean[3:] >= GM_EARTH / distance:
+        raise ValueError("the a-priori velocity exceeds that of escape: e >= 1, no ellipse")
+    if cov.shape != (6, 6) or not np.isfinite(cov).all():
+        raise ValueError(f"P(0) must be a finite (6, 6) matrix, it has shape {cov.shape}")
+    if np.abs(cov - cov.T).max() > 1e-9 * np.abs(cov).max():
+        raise ValueError("P(0) is not symmetric")
+    sigma = np.sqrt(np.abs(np.diag(cov)))
+    if not (np.diag(cov) > 0.0).all() or np.linalg.eigvalsh(cov / np.outer(sigma, sigma))[0] <= 0.0:
+        raise ValueError("P(0) is not positive definite")

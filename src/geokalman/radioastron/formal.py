@@ -1,0 +1,237 @@
+"""What a session can know: covariance of the orbit without a single measurement, with ignored biases considered, and the
+large-sample statistics of the linear problem.
+
+    N = P0^-1 + sum H' R_f^-1 H,   P_f = N^-1
+    P_c = P_f (P0^-1 + sum H' R_f^-1 R_t R_f^-1 H + K_b B K_b') P_f,   K_b = sum H' R_f^-1 G
+with R_f the weights of the estimator, R_t the true noise, G and B design and covariance of biases that it does not estimate.
+Source: Tapley, Schutz & Born (2004), section 6.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg import block_diag
+
+from geokalman.constants import C_LIGHT
+from geokalman.physics.satellite import Dynamics
+from geokalman.radioastron.data import Levels, Weights
+from geokalman.radioastron.estimate import STEP, linearise_step
+from geokalman.radioastron.model import STATIONS, Array, Session, find_source, find_stations, nominal_state
+from geokalman.radioastron.model import world as world_of
+from geokalman.radioastron.simulate import schedule
+
+_CURVE = 300.0  # s between nodes of the spline through the transition matrix
+
+
+class Sigmas(NamedTuple):
+    """Formal standard deviations at mid-observation: delay [s], its rate [s/s], position and velocity (root of the trace) [m, m/s]."""
+
+    delay: float
+    rate: float
+    position: float
+    velocity: float
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """A session linearised about its nominal orbit.
+
+    t (n,), station, arc: the schedule; H (n, 2, 6): design of range and range-rate with respect to the state at t[0];
+    states (n, 6): the nominal orbit there; Phi (6, 6): from t[0] to mid-observation; middle (6,): the state then.
+    """
+
+    session: Session
+    world: Dynamics
+    stations: tuple[str, ...]
+    t: Array
+    station: Array
+    arc: Array
+    H: Array
+    start: Array
+    Phi: Array
+    middle: Array
+
+
+def linearise(session: Session, world: Dynamics, stations: tuple[str, ...]) -> Geometry:
+    """Design of all measurements of a session, every station at every epoch of both passes."""
+    start = nominal_state(session, world)
+    t, station, arc = schedule(session, stations)
+    residual, H = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
+    none, itrs = np.full(len(t), -1, dtype=np.int64), np.array([STATIONS[name] for name in stations])
+    linearise_step(
+        t, station.astype(np.int64), none, np.zeros((len(t), 2)), start, itrs, world.params, STEP, residual, H
+    )
+    middle, Phi = world.transition(start, session.first, session.middle)
+    return Geometry(session, world, stations, t, station, arc, H, start, Phi, middle)
+
+
+def bias_design(g: Geometry, per_pass: bool) -> Array:
+    """G (n, 2, k): one range and one range-rate bias of each station, common to the passes or one pair for each."""
+    arcs = int(g.arc.max()) + 1 if per_pass else 1
+    G = np.zeros((len(g.t), 2, 2 * arcs * len(g.stations)))
+    first = 2 * (g.station * arcs + (g.arc if per_pass else 0))
+    for i in range(2):
+        G[np.arange(len(g.t)), i, first + i] = 1.0
+    return G
+
+
+def _normal(A: Array, B: Array, weights: Array) -> Array:
+    return np.einsum("kip,i,kiq->pq", A, weights, B)
+
+
+def _inverse(N: Array) -> Array:
+    scale = 1.0 / np.sqrt(np.diag(N))
+    return np.linalg.solve(N * np.outer(scale, scale), np.eye(len(N))) * np.outer(scale, scale)
+
+
+def _biases(count: int, range_: float, rate: float) -> Array:
+    return np.diag(np.tile([range_**2, rate**2], count // 2))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Gain and covariances of the linear estimate of the state at t[0].
+
+    gain (6, n, 2): estimate = gain . residuals; prior_gain (6, 6): what of an a-priori error stays; own (6, 6): the covariance
+    that the estimator states; consider (6, 6): the true one under the levels of the data.
+    """
+
+    gain: Array
+    prior_gain: Array
+    own: Array
+    consider: Array
+
+
+def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
+    """Weigh a session's measurements as an estimator does, and say what that is worth under the true levels.
+
+    With estimate_bias one pair of biases per station and pass joins the unknowns, and biases of the data are no longer ignored.
+    """
+    w = np.array([weights.sigma_range**-2.0, weights.sigma_rate**-2.0])
+    A, prior = g.H, np.diag(1.0 / np.diag(levels.prior_cov))
+    if weights.estimate_bias:
+        G = bias_design(g, per_pass=True)
+        A = np.concatenate([g.H, G], axis=2)
+        prior = block_diag(prior, _inverse(_biases(G.shape[2], weights.bias_range, weights.bias_rate)))
+    P = _inverse(prior + _normal(A, A, w))
+    gain = np.einsum("pq,kiq,i->pki", P, A, w)[:6]
+    true = np.array([levels.sigma_range**2, levels.sigma_rate**2])
+    consider = (P @ prior)[:6, :6] @ levels.prior_cov @ (P @ prior)[:6, :6].T
+    consider += np.einsum("pki,i,qki->pq", gain, true, gain)
+    if levels.bias != "none":
+        G = bias_design(g, levels.bias == "per-pass")
+        K = np.einsum("pki,kib->pb", gain, G)
+        consider += K @ _biases(G.shape[2], levels.bias_range, levels.bias_rate) @ K.T
+    return Solution(gain, (P @ prior)[:6, :6], P[:6, :6], consider)
+
+
+def at_middle(g: Geometry, P: Array, source: Array) -> Sigmas:
+    """Sigmas at mid-observation of a covariance P (6, 6) at t[0], source (3,) the unit vector to the source."""
+    Q = g.Phi @ P @ g.Phi.T
+    return Sigmas(
+        float(np.sqrt(source @ Q[:3, :3] @ source)) / C_LIGHT,
+        float(np.sqrt(source @ Q[3:, 3:] @ source)) / C_LIGHT,
+        float(np.sqrt(np.trace(Q[:3, :3]))),
+        float(np.sqrt(np.trace(Q[3:, 3:]))),
+    )
+
+
+class Evaluation(NamedTuple):
+    """Sigmas at mid-observation: a priori, of the estimator itself, and true ones that consider the biases."""
+
+    prior: Sigmas
+    own: Sigmas
+    consider: Sigmas
+
+
+def evaluate(
+    session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = ""
+) -> Evaluation:
+    """One row of the table of formal sigmas; stations: none is the session's own; source as in `model.find_source`."""
+    g = linearise(session, world_of(session), find_stations(stations, session))
+    solution, toward = solve(g, levels, weights), find_source(source, session, g.middle[:3])
+    return Evaluation(*(at_middle(g, P, toward) for P in (levels.prior_cov, solution.own, solution.consider)))
+
+
+def ellipsoid(P: Array) -> tuple[Array, Array]:
+    """Sigmas (3,) [m], ascending, and directions (3, 3), columns, of the position part of a covariance."""
+    values, vectors = np.linalg.eigh(P[:3, :3])
+    return np.sqrt(values), vectors
+
+
+def angle_to_source(position: Array, source: Array) -> float:
+    """Angle [rad] between the geocentric direction of the spacecraft and the source."""
+    return float(np.arccos(np.clip(position[:3] @ source / np.linalg.norm(position[:3]), -1.0, 1.0)))
+
+
+def projected_baseline(g: Geometry, telescope: str, source: Array) -> float:
+    """Length [m] of the baseline from a telescope to the spacecraft as seen from the source, at mid-observation."""
+    b = g.middle[:3] - g.world.gcrs_from_itrs(g.session.middle) @ np.array(STATIONS[telescope])
+    return float(np.linalg.norm(b - (b @ source) * source))
+
+
+class Sample(NamedTuple):
+    """Errors of many linear draws at mid-observation, prior and post, (draws, 6) [m, m/s]; correction = post - prior."""
+
+    prior: Array
+    post: Array
+
+
+def large_sample(g: Geometry, levels: Levels, weights: Weights, rng: np.random.Generator, draws: int = 4000) -> Sample:
+    """Errors of the linear estimate over many draws of everything that `simulate.draw` draws."""
+    solution = solve(g, levels, weights)
+    n = len(g.t)
+    forces, middle_forces = _force_effects(g, levels)
+    error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
+    toward = rng.standard_normal((2, draws, 3))
+    toward /= np.linalg.norm(toward, axis=2, keepdims=True)
+    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * toward[0]])
+    when = rng.uniform(g.session.first, g.session.observation[1], draws)
+    motion = np.einsum("dp,pkj->dkj", p, forces)  # true minus nominal orbit at the measurements
+    middle = p @ middle_forces
+    nodes = np.arange(g.session.first, g.session.observation[1] + _CURVE, _CURVE)
+    matrices = [g.world.transition(g.start, g.session.first, t)[1] for t in nodes]
+    Phi = CubicSpline(nodes, np.array(matrices))
+    kick = np.linalg.solve(
+        Phi(when), np.concatenate([np.zeros((draws, 3)), levels.impulse * toward[1]], axis=1)[..., None]
+    )[..., 0]
+    after = (g.t[None, :] >= when[:, None]).astype(float)
+    middle += (kick @ g.Phi.T) * (g.session.middle >= when)[:, None]
+    at_t0 = np.zeros((draws, n, 2))
+    states = _from_start(g)  # (n, 6, 6), H at t[0] = h(t) Phi(t, t0)
+    own = np.swapaxes(np.linalg.solve(np.swapaxes(states, 1, 2), np.swapaxes(g.H, 1, 2)), 1, 2)
+    at_t0 += np.einsum("kij,dkj->dki", own, motion)
+    at_t0 += np.einsum("kij,dj->dki", g.H, kick) * after[..., None]
+    at_t0 += rng.standard_normal((draws, n, 2)) * (levels.sigma_range, levels.sigma_rate)
+    if levels.bias != "none":
+        G = bias_design(g, levels.bias == "per-pass")
+        b = rng.standard_normal((draws, G.shape[2])) * np.tile([levels.bias_range, levels.bias_rate], G.shape[2] // 2)
+        at_t0 += np.einsum("kib,db->dki", G, b)
+    estimate = error0 @ solution.prior_gain.T + np.einsum("pki,dki->dp", solution.gain, at_t0)
+    return Sample(error0 @ g.Phi.T - middle, estimate @ g.Phi.T - middle)
+
+
+def _from_start(g: Geometry) -> Array:
+    """Transition matrices (n, 6, 6) from t[0] to each measurement."""
+    out, y, Phi, before = np.empty((len(g.t), 6, 6)), g.start, np.eye(6), g.session.first
+    for k, t in enumerate(g.t):
+        if t > before:
+            y, step = g.world.transition(y, before, float(t))
+            Phi, before = step @ Phi, float(t)
+        out[k] = Phi
+    return out
+
+
+def _force_effects(g: Geometry, levels: Levels) -> tuple[Array, Array]:
+    """Change of the orbit per unit of the solar-pressure scale and of a constant acceleration: (4, n, 6), and at the middle (4, 6)."""
+    times = np.unique(np.append(g.t, g.session.middle))
+    place = np.searchsorted(times, g.t)
+    nominal = g.world.propagate(g.start, times).y
+    changes = [(1.0, g.world.with_changes(pressure_scale=2.0))]
+    changes += [(1e-9, g.world.with_changes(constant=1e-9 * axis)) for axis in np.eye(3)]
+    difference = np.array([(world.propagate(g.start, times).y - nominal) / size for size, world in changes])
+    return difference[:, place], difference[:, -1]

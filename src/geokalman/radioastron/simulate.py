@@ -1,0 +1,128 @@
+"""The simulated session: a true orbit with forces that no filter knows, and the ranges and range-rates of its stations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import erfa
+import numpy as np
+from numba import njit
+
+from geokalman.physics.satellite import Dynamics, satellite_force
+from geokalman.radioastron.data import Levels, Observations
+from geokalman.radioastron.model import LOWEST_ELEVATION, STATIONS, Array, Session, nominal_state
+from geokalman.radioastron.twoway import observe_step
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What really happens: the forces, the state (6,) at t0 [s], and an impulse (3,) [m/s] at its time [s]."""
+
+    world: Dynamics
+    t0: float
+    state: Array
+    impulse: Array
+    impulse_time: float
+
+    def states(self, t: Array) -> Array:
+        """True states (n, 6) at sorted times t (n,) [s] from t0 on; the impulse counts from its own time on."""
+        t = np.asarray(t, dtype=float)
+        out = np.empty((len(t), 6))
+        before = t < self.impulse_time
+        out[before] = _states(self.world, self.t0, self.state, t[before])
+        if not before.all():
+            at = _states(self.world, self.t0, self.state, np.array([self.impulse_time]))[0]
+            at[3:] += self.impulse
+            out[~before] = _states(self.world, self.impulse_time, at, t[~before])
+        return out
+
+
+def _states(world: Dynamics, t0: float, state: Array, t: Array) -> Array:
+    """States at sorted times, which may repeat and begin at t0."""
+    out = np.empty((len(t), 6))
+    if len(t):
+        times, place = np.unique(np.append(t, t0), return_inverse=True)
+        out = (world.propagate(state, times).y if len(times) > 1 else state[None])[place[:-1]]
+    return out
+
+
+@njit(cache=True)
+def _observe(t, states, station, itrs, params, z):
+    a = np.empty(3)
+    for k in range(len(t)):
+        satellite_force(t[k], states[k], params, a)
+        observe_step(t[k], states[k], a, itrs[station[k]], params, True, z[k])
+
+
+def observe(world: Dynamics, t: Array, states: Array, station: Array, stations: tuple[str, ...]) -> Array:
+    """Two-way ranges [m] and range-rates [m/s] without noise, (n, 2), of states (n, 6) at reception times t (n,) [s]."""
+    z = np.empty((len(t), 2))
+    itrs = np.array([STATIONS[name] for name in stations])
+    _observe(
+        np.ascontiguousarray(t), np.ascontiguousarray(states), np.ascontiguousarray(station), itrs, world.params, z
+    )
+    return z
+
+
+def elevations(world: Dynamics, t: Array, states: Array, station: str) -> Array:
+    """Elevation (n,) [rad] above the plane normal to the ellipsoid's vertical at a station."""
+    itrs = np.array(STATIONS[station])
+    lon, lat, _ = erfa.gc2gd(1, itrs)
+    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    out = np.empty(len(t))
+    for k, time in enumerate(t):
+        D = world.gcrs_from_itrs(time).T @ states[k, :3] - itrs
+        out[k] = np.arcsin(D @ up / np.linalg.norm(D))
+    return out
+
+
+def check_visible(world: Dynamics, t: Array, states: Array, stations: tuple[str, ...]) -> None:
+    """Raise ValueError where the spacecraft stands lower than 5 degrees above the horizon of a station, naming both."""
+    for name in stations:
+        height = elevations(world, t, states, name)
+        if (height < LOWEST_ELEVATION).any():
+            k = int(height.argmin())
+            raise ValueError(
+                f"the spacecraft stands {np.degrees(height[k]):.1f} deg above the horizon of {name} at {t[k]:g} s; "
+                "no link below 5 deg: choose another station, pass or mean anomaly"
+            )
+
+
+def schedule(session: Session, stations: tuple[str, ...], interval: float = 10.0) -> tuple[Array, Array, Array]:
+    """Times, station indices and pass numbers (n,): every station measures at every epoch of both passes."""
+    epochs = session.epochs(interval)
+    t = np.repeat(epochs, len(stations))
+    return t, np.tile(np.arange(len(stations)), len(epochs)), session.pass_numbers(t)
+
+
+def isotropic(rng: np.random.Generator) -> Array:
+    """Unit vector (3,) in a random direction."""
+    v = rng.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
+def draw(
+    session: Session, world: Dynamics, levels: Levels, stations: tuple[str, ...], rng: np.random.Generator
+) -> tuple[Truth, Observations]:
+    """One realisation of a session: the truth, and the data that an estimator may see.
+
+    Truth: the nominal state, solar pressure with a relative error, a constant acceleration and one impulse in random directions
+    that the estimators do not know. Data: noise and station biases, the same in both passes ("common") or drawn for each.
+    Raises ValueError where a station does not see the spacecraft at the ends of a pass.
+    """
+    state = nominal_state(session, world)
+    ends = np.array(session.passes).ravel()
+    check_visible(world, ends, _states(world, session.first, state, ends), stations)
+    forces = world.with_changes(
+        1.0 + levels.pressure_error * rng.standard_normal(), levels.acceleration * isotropic(rng)
+    )
+    impulse_time = rng.uniform(session.first, session.observation[1])
+    truth = Truth(forces, session.first, state, levels.impulse * isotropic(rng), impulse_time)
+    t, station, arc = schedule(session, stations)
+    z = observe(forces, t, truth.states(t), station, stations)
+    z += rng.standard_normal(z.shape) * (levels.sigma_range, levels.sigma_rate)
+    if levels.bias != "none":
+        bias = rng.standard_normal((len(stations), len(session.passes), 2)) * (levels.bias_range, levels.bias_rate)
+        z += bias[station, arc if levels.bias == "per-pass" else 0]
+    error = rng.standard_normal(6) * np.sqrt(np.diag(levels.prior_cov))
+    return truth, Observations(t, station, arc, z[:, 0], z[:, 1], stations, state + error, levels.prior_cov)

@@ -1,0 +1,213 @@
+"""Every figure of the airborne part: the data in its lines, its labels with units, in both themes."""
+
+import inspect
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import same_color
+
+from geokalman import style
+from geokalman.airborne import drawings, figures, maps
+from geokalman.style import METHODS
+
+T = np.linspace(0, 900, 400)
+WAVE = 10 * np.sin(T / 100)
+
+
+@pytest.fixture(params=["light", "dark"])
+def theme(request):
+    with style.theme(request.param) as colours:
+        yield colours
+    plt.close("all")
+
+
+def line(axes, label):
+    [found] = [artist for artist in axes.get_lines() if artist.get_label() == label]
+    return found
+
+
+def assert_dressed(figure, theme):
+    assert same_color(figure.get_facecolor(), theme["paper"])
+    for axes in figure.axes:
+        for label in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            assert same_color(label.get_color(), theme["ink"])
+
+
+def labels(figure):
+    return [(axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
+
+
+def test_six_panels(theme):
+    panel = figures.Panel("line 1", T, {"reference": WAVE, "fb": WAVE + 1, "forward": WAVE - 1}, np.full(400, 0.5))
+    names = {"reference": "GT-like", "fb": "SAGFB", "forward": "SAGK"}
+    figure = figures.six_panels([panel] * 5, names)
+    assert_dressed(figure, theme)
+    assert [axes.get_visible() for axes in figure.axes] == [True] * 5 + [False]
+    axes = figure.axes[0]
+    assert [line(axes, n).get_linestyle() for n in ("GT-like", "SAGFB", "SAGK")] == ["-", "--", ":"]
+    np.testing.assert_array_equal(line(axes, "SAGFB").get_ydata(), WAVE + 1)
+    assert axes.get_ylabel() == "gravity [mGal]" and figure.axes[4].get_xlabel() == "time [s]"
+    band = axes.collections[0].get_paths()[0].vertices[:, 1]
+    assert band.max() == pytest.approx(WAVE.max() + 2.0) and band.min() == pytest.approx(WAVE.min())
+
+
+def test_gauss_markov(theme):
+    figure = figures.gauss_markov(
+        T,
+        np.exp(-T / 100),
+        np.geomspace(1e3, 1e5, 50),
+        np.geomspace(1, 1e4, 50),
+        T,
+        np.array([WAVE, -WAVE, 0 * WAVE]),
+        100.0,
+    )
+    assert_dressed(figure, theme)
+    assert labels(figure) == [
+        ("lag [s]", "correlation"),
+        ("wavelength [km]", "density [mGal²/Hz]"),
+        ("time [s]", "gravity [mGal]"),
+    ]
+    assert figure.axes[1].xaxis_inverted() and len(figure.axes[2].get_lines()) == 3
+
+
+def test_steady(theme):
+    figure = figures.steady(T, np.full(400, 2.0), np.full(400, 1.0), (2.0, 1.0))
+    assert_dressed(figure, theme)
+    assert line(figure.axes[0], "smoother").get_ydata()[0] == 1.0
+    assert labels(figure) == [("time [s]", "standard deviation [mGal]")]
+    assert figure.axes[0].get_ylim() == pytest.approx((0, 4.4))
+
+
+def test_table_one_shows_the_printed_means(theme):
+    figure = figures.table_one(
+        {"forward": np.array([1.1, 1.2]), "fb": np.array([0.9, 0.8])}, {"forward": 1.1273, "fb": 0.9073}
+    )
+    assert_dressed(figure, theme)
+    axes = figure.axes[0]
+    levels = {float(artist.get_ydata()[0]) for artist in axes.get_lines() if artist.get_linestyle() == "--"}
+    assert levels == {1.1273, 0.9073}
+    assert axes.get_ylabel() == "mean of six RMS [mGal]"
+
+
+def test_starts_keep_their_colours(theme):
+    errors = {"literal": WAVE, "wide": WAVE / 10, "prior": WAVE / 5}
+    figure = figures.starts(T, errors, {"wide": np.ones(400), "prior": np.full(400, 0.8)})
+    assert_dressed(figure, theme)
+    upper, lower = figure.axes
+    for name in ("wide", "prior"):
+        assert same_color(line(upper, name).get_color(), line(lower, name).get_color())
+    assert lower.get_ylim()[1] == pytest.approx(1.1) and upper.get_yscale() == "log"
+
+
+def test_consistency(theme):
+    figure = figures.consistency(
+        np.array([0.99, 1.01]), {"forward": np.array([0.5, 2]), "fb": np.array([0.6, 1.5])}, {"nis": (0.94, 1.06)}
+    )
+    assert_dressed(figure, theme)
+    assert labels(figure) == [("line", "mean NIS"), ("line", "mean NEES of gravity")]
+
+
+def test_gains(theme):
+    w = np.geomspace(5e3, 6e4, 30)
+    figure = figures.gains({"a": w}, {"a": {"smoother": w / 6e4}}, (w, w / 1e3))
+    assert_dressed(figure, theme)
+    np.testing.assert_allclose(line(figure.axes[0], "smoother").get_xdata(), w / 1e3)
+    assert labels(figure) == [("wavelength [km]", "gain"), ("wavelength [km]", "delay [s]")]
+
+
+def test_fir_scan(theme):
+    figure = figures.fir_scan(np.array([60.0, 100.0]), {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}})
+    assert_dressed(figure, theme)
+    np.testing.assert_array_equal(line(figure.axes[0], "FIR").get_ydata(), [0.5, 0.3])
+    assert labels(figure) == [("cutoff of the FIR [s]", "sd against truth [mGal]")]
+
+
+def test_spectra(theme):
+    figure = figures.spectra(np.linspace(0, 1, 10), {"gravity": np.arange(1.0, 11)})
+    assert_dressed(figure, theme)
+    assert len(line(figure.axes[0], "gravity").get_xdata()) == 9
+    assert labels(figure) == [("frequency [Hz]", "power density [mGal²/Hz]")]
+
+
+def test_per_line(theme):
+    figure = figures.per_line(["1", "2"], {"fb": np.array([1.0, 0.5]), "grid": np.array([0.4, 0.2])})
+    assert_dressed(figure, theme)
+    np.testing.assert_array_equal(line(figure.axes[0], "forward and backward, mean 0.750").get_ydata(), [1.0, 0.5])
+    assert figure.axes[0].get_ylabel() == "sd against ground gravity [mGal]"
+
+
+def test_repeats(theme):
+    passes = np.vstack([WAVE, WAVE + 1.0])
+    figure = figures.repeats(T * 60, {"fb": passes})
+    assert_dressed(figure, theme)
+    np.testing.assert_allclose(line(figure.axes[-1], METHODS["fb"].label).get_ydata(), np.sqrt(0.5))
+    assert figure.axes[-1].get_xlabel() == "along the line [km]"
+
+
+def test_downward_and_timings(theme):
+    for figure, expected in (
+        (
+            figures.downward(np.geomspace(3, 60, 20), {"330 m": np.linspace(1, 2, 20)}),
+            ("wavelength [km]", "factor of the noise"),
+        ),
+        (figures.timings([2.0, 50.0], {"forward": [3.0, 3.0]}), ("rate of the filter [Hz]", "time per epoch [µs]")),
+    ):
+        assert_dressed(figure, theme)
+        assert labels(figure)[0] == expected
+
+
+def test_tracks(theme):
+    north = np.linspace(-30e3, 30e3, 100)
+    figure = maps.tracks([("1", np.zeros(100), north), ("2", np.full(100, 2e3), north[::-1])], [slice(10, 90)] * 2)
+    assert_dressed(figure, theme)
+    assert labels(figure) == [("east [km]", "north [km]")]
+    assert {text.get_text() for text in figure.axes[0].texts} >= {"1", "2"}
+    assert len(line(figure.axes[0], "line").get_ydata()) == 80
+
+
+def test_along_lines(theme):
+    x = np.linspace(0, 1e4, 200)
+    figure = maps.along_lines(
+        [(x, x), (x, x + 1e3)],
+        {"gravity": [x / 1e3] * 2, "difference": [np.sin(x)] * 2},
+        {"gravity": False, "difference": True},
+    )
+    assert_dressed(figure, theme)
+    low, high = figure.axes[1].collections[0].get_clim()
+    assert low == -high
+    assert figure.axes[0].get_xlabel() == "east [km]"
+
+
+def test_grids(theme):
+    k = np.arange(10.0)
+    figure = maps.grids(
+        k,
+        k,
+        {"gravity": np.outer(k, k), "difference": np.outer(k - 4, k)},
+        {"gravity": False, "difference": True},
+        [(k, k)],
+    )
+    assert_dressed(figure, theme)
+    low, high = figure.axes[1].collections[0].get_clim()
+    assert low == -high and figure.axes[0].get_ylabel() == "north [km]"
+
+
+def test_drawings_name_every_block_and_step(theme):
+    figure = drawings.system()
+    assert_dressed(figure, theme)
+    shown = {text.get_text() for text in figure.axes[0].texts}
+    assert shown >= {part for parts in drawings.BLOCKS.values() for part in parts} | set(drawings.BLOCKS)
+    figure = drawings.chain()
+    assert {text.get_text() for text in figure.axes[0].texts} >= {cell for row in drawings.STEPS for cell in row} | {
+        "1",
+        "5",
+    }
+
+
+def test_every_figure_has_its_test():
+    text = inspect.getsource(inspect.getmodule(test_tracks))
+    for module in (figures, maps, drawings):
+        for name, function in inspect.getmembers(module, inspect.isfunction):
+            if function.__module__ == module.__name__ and not name.startswith("_"):
+                assert f"{module.__name__.split('.')[-1]}.{name}(" in text, name

@@ -1,0 +1,359 @@
+"""Readers and every item of bad input: refused in one sentence, or repaired."""
+
+import gzip
+
+import numpy as np
+import pytest
+
+from geokalman.airborne import checks, read, tables
+from geokalman.airborne.estimate import estimate
+from geokalman.airborne.model import Tuning
+from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
+from geokalman.files import data_path
+
+HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
+    ","
+)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return tables.read_table(data_path("kauring_2012.xz"))
+
+
+@pytest.fixture
+def table(whole):
+    rows = whole["LINE"] == 104000
+    return {name: values[rows].copy() for name, values in whole.items()}
+
+
+def cut(table, rows):
+    return {name: values[rows] for name, values in table.items()}
+
+
+def write_csv(path, table, header=HEADER, opener=open):
+    with opener(path, "wt") as stream:
+        stream.write(",".join(header) + "\n")
+        for row in zip(*(table[name] for name in header), strict=True):
+            stream.write(",".join(f"{v:.7f}" for v in row) + "\n")
+
+
+def test_the_vendored_survey(whole, kauring):
+    assert len(whole["LINE"]) == 135_250 and len(np.unique(whole["LINE"])) == 224
+    assert len(kauring.flights) == 224 and kauring.refused == ()
+    assert [len(kauring[n].line.t) for n in (104000, 104100, 104200, 104300, 104400, 104500)] == [
+        888,
+        893,
+        913,
+        892,
+        840,
+        835,
+    ]
+    assert all(43 < f.line.V < 52 for f in kauring.select([104000, 104500]))
+    assert data_path("kauring_2012.xz").stat().st_size < 5e6
+
+
+@pytest.mark.parametrize("opener", [open, gzip.open])
+def test_csv_plain_and_gzip_give_the_same_line(table, kauring, tmp_path, opener):
+    path = tmp_path / "own.csv"
+    write_csv(path, table, opener=opener)
+    flight = read.read_survey(path)[104000]
+    np.testing.assert_allclose(flight.line.z, kauring[104000].line.z, atol=1e-2)
+    assert set(flight.references) == {"contractor_raw", "contractor", "ground"}
+
+
+def test_packing_is_without_loss(table, tmp_path):
+    names = {"FZ": 2, "AZ": 2, "GRVRAW": 2, "LAT": 7}
+    (tmp_path / "x.xz").write_bytes(tables.pack(table, names, {"GRVRAW": ("FZ", "AZ")}))
+    again = tables.read_table(tmp_path / "x.xz")
+    for name in names:
+        np.testing.assert_array_equal(again[name], table[name])
+    table["FZ"][3] = np.nan
+    with pytest.raises(ValueError, match="Column FZ has a null"):
+        tables.pack(table, names, {})
+
+
+def test_eastern_victoria_and_its_aliasing():
+    with pytest.warns(
+        checks.SuspiciousData, match="On 10 of 10 lines .* probably aliased, so give the height a larger R"
+    ):
+        eastvic = read.load("eastvic")
+    assert len(eastvic.flights) == 10 and eastvic.flights[4].name == "7001.20"
+    follows = [checks.height_correlation(f.line.f3, f.height) for f in eastvic.flights]
+    assert max(follows) < 0.95
+    assert np.all([abs(f.line.z).max() < 1e12 for f in eastvic.flights])
+
+
+def test_kauring_is_not_aliased(six):
+    assert min(checks.height_correlation(f.line.f3, f.height) for f in six) > 0.95
+
+
+def fixed_width(tmp_path, rows, definition=None):
+    fields = [
+        ("EASTING", "F15.2"),
+        ("NORTHING", "F15.2"),
+        ("LINE", "I8"),
+        ("UTCSECOND", "F12.2"),
+        ("LATITUDE", "F15.7"),
+        ("LONGITUD", "F15.7"),
+    ]
+    text = "".join(f"DEFN {k} ST=RECD,RT=DATA; {name}:  {form}:  UNIT=m\n" for k, (name, form) in enumerate(fields, 1))
+    (tmp_path / "X.DFN").write_text(
+        definition or text + "DEFN 7  ST=RECD,RT=DATA; END DEFN\nDEFN 1 ST=RECD,RT=PROJ; RT: A4\n"
+    )
+    (tmp_path / "X.DAT").write_text("\n".join(rows) + "\n")
+    return tmp_path / "X.DAT"
+
+
+ROW = f"{516120.39:15.2f}{6460474.05:15.2f}{10100:8d}{17307.5:12.2f}{117.1706513:15.7f}{-31.9916777:15.7f}"
+
+
+def test_fixed_width_by_its_definition(tmp_path):
+    table = tables.read_table(fixed_width(tmp_path, [ROW, ROW.replace("516120.39", "-999999.99"[:9].rjust(9))]))
+    assert table["EASTING"][0] == 516120.39 and table["LONGITUD"][0] == -31.9916777 and table["LINE"][1] == 10100
+
+
+def test_fixed_width_nulls(tmp_path):
+    rows = [ROW, " " * 4 + "-999999.99 "[:11].rjust(11) + ROW[15:], " " * 14 + "*" + ROW[15:]]
+    assert np.isnan(tables.read_table(fixed_width(tmp_path, rows))["EASTING"][1:]).all()
+
+
+def test_definition_of_another_width(tmp_path):
+    with pytest.raises(ValueError, match=r"Row 2 of .*X.DAT is 77 characters wide, .*X.DFN defines 80"):
+        tables.read_table(fixed_width(tmp_path, [ROW, ROW[:-3]]))
+    with pytest.raises(ValueError, match="defines no column"):
+        tables.read_table(fixed_width(tmp_path, [ROW], "nothing\n"))
+    (tmp_path / "X.DFN").unlink()
+    with pytest.raises(ValueError, match="needs the file X.DFN beside it"):
+        tables.read_table(tmp_path / "X.DAT")
+
+
+XYZ = """/
+/   LINE FLIGHT  MGA-X  MGA_Z  FZ
+Line 7001.16
+ 7001.16 1 430043.21 591.81 951564.138
+ 7001.16 1 430065.64 * 957133.954
+Tie  7002
+ 7002 1 430043.21 -999999.99 951564.138
+"""
+
+
+def test_xyz_with_comments_ties_dashes_and_nulls(tmp_path):
+    (tmp_path / "a.xyz").write_text(XYZ)
+    table = tables.read_table(tmp_path / "a.xyz")
+    assert set(table) == {"LINE", "FLIGHT", "MGA_X", "MGA_Z", "FZ"}
+    np.testing.assert_array_equal(np.isnan(table["MGA_Z"]), [False, True, True])
+    (tmp_path / "b.xyz").write_text(XYZ.replace("LINE ", "").replace(" 7001.16 1", " 1").replace(" 7002 1", " 1"))
+    np.testing.assert_array_equal(tables.read_table(tmp_path / "b.xyz")["LINE"], [7001.16, 7001.16, 7002])
+    (tmp_path / "c.xyz").write_text("Line 1\n1 2 3\n")
+    with pytest.raises(ValueError, match="no comment line that names its columns"):
+        tables.read_table(tmp_path / "c.xyz")
+    (tmp_path / "d.xyz").write_text(XYZ.replace(" 951564.138\nTie", "\nTie").replace("957133.954", "957133.954 8"))
+    with pytest.raises(ValueError, match=r"Row 5 of .*d.xyz has 6 values; 5 are named"):
+        tables.read_table(tmp_path / "d.xyz")
+    (tmp_path / "e.xyz").write_text(XYZ.replace("957133.954", "fast"))
+    with pytest.raises(ValueError, match=r"Row 5 of .* holds 'fast', which is no number"):
+        tables.read_table(tmp_path / "e.xyz")
+
+
+def test_csv_nulls_blanks_and_a_missing_header(tmp_path):
+    (tmp_path / "a.csv").write_text("MGA-Z,B\n1,\n*,2\n-999999.99,3\n")
+    table = tables.read_table(tmp_path / "a.csv")
+    np.testing.assert_array_equal(table["MGA_Z"], [1, np.nan, np.nan])
+    np.testing.assert_array_equal(table["B"], [np.nan, 2, 3])
+    (tmp_path / "b.csv").write_text("1,2\n3,4\n")
+    with pytest.raises(ValueError, match="has no header line"):
+        tables.read_table(tmp_path / "b.csv")
+    (tmp_path / "c.csv").write_text("A,B\n1,2,3\n")
+    with pytest.raises(ValueError, match="names 2 columns and has 3"):
+        tables.read_table(tmp_path / "c.csv")
+
+
+def test_a_file_of_unknown_layout_names_what_it_lacks(table, tmp_path):
+    write_csv(tmp_path / "a.csv", table, [name for name in HEADER if name != "FZ"])
+    with pytest.raises(ValueError, match="no known layout fits .the nearest lacks FZ.; describe it by a Layout"):
+        read.read_survey(tmp_path / "a.csv")
+    with pytest.raises(ValueError, match="lacks the columns FZ"):
+        survey({k: v for k, v in table.items() if k != "FZ"}, KAURING)
+
+
+def test_ones_own_layout(table, kauring):
+    own = read.Layout(
+        columns={**KAURING.columns, "f3": "UPFORCE"},
+        corrections=KAURING.corrections,
+        kinds=KAURING.kinds,
+        acceleration="m/s2",
+    )
+    moved = {
+        "UPFORCE" if k == "FZ" else k: v * 1e-5 if k in ("FZ", "AZ", "GRVRAW", "LATCOR", "EOTCOR", "FACOR") else v
+        for k, v in table.items()
+    }
+    np.testing.assert_allclose(survey(moved, own)[104000].line.z, kauring[104000].line.z, atol=1e-3)
+
+
+def test_swapped_latitude_and_longitude_are_put_right(table, kauring):
+    table["LON"], table["LAT"] = table["LAT"], table["LON"]
+    with pytest.warns(checks.SuspiciousData, match="latitude and longitude are swapped; put right"):
+        flight = survey(table, KAURING)[104000]
+    np.testing.assert_array_equal(flight.lat, kauring[104000].lat)
+    table["LON"] = table["LAT"] * 0 + 3.0
+    with pytest.raises(ValueError, match="do not move as easting and northing do, in either order"):
+        survey(table, KAURING)
+
+
+def test_swap_below_ninety_degrees_is_seen_in_the_motion(table):
+    table["LON"] = table["LON"] - 100.0  # both could be latitudes now
+    table["LON"], table["LAT"] = table["LAT"], table["LON"]
+    with pytest.warns(checks.SuspiciousData, match="swapped"):
+        survey(table, KAURING)
+
+
+def test_the_contractors_definition_has_them_swapped(table):
+    renamed = {
+        "UTCSECOND": table["UTC"],
+        "LATITUDE": table["LON"],
+        "LONGITUD": table["LAT"],
+        "GRVFRAL100S": table["FRAL100"],
+    }
+    with pytest.warns(checks.SuspiciousData, match="swapped"):
+        flight = survey({**table, **renamed}, KAURING_DAT)[104000]
+    assert -32.2 < flight.lat[0] < -31.8
+
+
+def test_midnight_is_unwrapped(table, kauring):
+    table["UTC"] = (table["UTC"] + 86400 - 1000) % 86400
+    line = survey(table, KAURING)[104000].line
+    assert np.allclose(np.diff(line.t), 0.5) and len(line.t) == 888
+    np.testing.assert_allclose(line.z, kauring[104000].line.z)
+
+
+def test_a_gap_splits_the_line_and_is_not_integrated_across(whole, table):
+    long = {name: np.concatenate([v, v]) for name, v in table.items()}  # 888 s in two flights over the same ground
+    long["UTC"][888:] += 600.0
+    pieces = survey(long, KAURING).flights
+    assert [f.name for f in pieces] == ["104000a", "104000b"] and {f.number for f in pieces} == {104000.0}
+    np.testing.assert_array_equal(pieces[0].line.z, pieces[1].line.z)
+    assert pieces[1].line.z[0] == 0.0
+
+
+def test_a_null_in_one_channel_splits_too(table):
+    long = {name: np.concatenate([v, v]) for name, v in table.items()}
+    long["UTC"][888:] += 600.0
+    long["FZ"][600] = np.nan
+    found = survey(long, KAURING)
+    assert [(f.name, len(f.line.t)) for f in found.flights] == [("104000a", 600), ("104000c", 888)]
+    assert found.refused == ("line 104000b lasts 143.0 s, at least 240 s are needed",)
+
+
+def test_a_null_in_a_reference_is_left_to_the_assessment(table):
+    table["GND_FA"][100] = np.nan
+    flight = survey(table, KAURING)[104000]
+    assert len(flight.line.t) == 888 and np.isnan(flight.references["ground"][100])
+
+
+def test_a_repeated_row_is_dropped_and_a_repeated_epoch_splits(table, kauring):
+    twice = cut(table, np.sort(np.append(np.arange(888), 300)))
+    np.testing.assert_array_equal(survey(twice, KAURING)[104000].line.z, kauring[104000].line.z)
+    table["UTC"][500:] -= 0.5
+    assert len(survey(table, KAURING, 150.0).flights) == 2
+
+
+def test_a_step_that_varies(table):
+    table["UTC"][::2] += 0.1
+    with pytest.raises(ValueError, match="the step is .* elsewhere; resample to a constant step"):
+        survey(table, KAURING)
+
+
+def test_a_reversed_line_is_turned(table, kauring):
+    np.testing.assert_array_equal(
+        survey(cut(table, slice(None, None, -1)), KAURING)[104000].line.z, kauring[104000].line.z
+    )
+
+
+@pytest.mark.parametrize("leap", [18.0, -16.0])
+def test_gps_time_mixed_with_utc(table, leap):
+    table["UTC"][400:] += leap
+    with pytest.raises(ValueError, match=rf"the time jumps by [+-]{abs(leap):.0f} s at .* GPS time and UTC are mixed"):
+        survey(table, KAURING)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(10.0, "um/s2"), (1e-5, "m/s2")])
+def test_units_of_acceleration(table, factor, unit):
+    for name in ("FZ", "AZ", "GRVRAW"):
+        table[name] *= factor
+    with pytest.raises(ValueError, match=f"not about 980000; it would be gravity in {unit}"):
+        survey(table, KAURING)
+
+
+@pytest.mark.parametrize("column", ["LATCOR", "EOTCOR", "FACOR"])
+def test_sign_of_the_corrections(table, column):
+    table[column] = -table[column]
+    with pytest.raises(
+        ValueError, match=rf"{column} adds .* where the positions ask for .*; its sign is the other one"
+    ):
+        survey(table, KAURING)
+
+
+def test_a_correction_that_is_another_column(table):
+    table["LATCOR"] = table["LATCOR"] * 0.5
+    with pytest.raises(ValueError, match="LATCOR adds .*; check its column and unit"):
+        survey(table, KAURING)
+
+
+def test_both_conventions_of_the_two_files_are_known():
+    assert KAURING.corrections["LATCOR"] == -1 and EASTVIC.corrections["LATCOR"] == 1
+
+
+def test_raw_gravity_that_is_not_the_difference(table):
+    table["GRVRAW"][7] += 0.05
+    with pytest.raises(ValueError, match="raw gravity differs from f3 - a_up by 0.05 mGal"):
+        survey(table, KAURING)
+
+
+def test_height_in_feet(table):
+    table["GPSZ"] = table["GPSZ"] / 0.3048
+    with pytest.raises(ValueError, match="the height is probably in feet"):
+        survey(table, KAURING)
+    feet = read.Layout(KAURING.columns, KAURING.corrections, KAURING.kinds, height="ft")
+    assert survey(table, feet)[104000].height.mean() < 400
+
+
+def test_height_above_the_geoid(table):
+    table["GPSZ"] += 27.0
+    with pytest.raises(
+        ValueError, match=r"belongs to a height -27.0 m from the one given; the height must be above the ellipsoid"
+    ):
+        survey(table, KAURING)
+
+
+def test_speeds_that_cannot_be(table):
+    for factor in (0.2, 5.0):
+        scaled = {name: v.copy() for name, v in table.items()}
+        for name in ("EASTING", "NORTHING", "LON", "LAT"):
+            scaled[name] = scaled[name][0] + factor * (scaled[name] - scaled[name][0])
+        with pytest.raises(ValueError, match="the mean speed is .* m/s, not between 20 and 150"):
+            survey(scaled, KAURING)
+
+
+def test_a_short_line_is_refused_with_a_reason(table):
+    short = cut(table, slice(0, 400))
+    with pytest.raises(ValueError, match="No line can be used: line 104000 lasts 199.5 s, at least 240 s are needed"):
+        survey(short, KAURING)
+    line = survey(short, KAURING, 60.0)[104000].line
+    with pytest.raises(ValueError, match="Line 104000 lasts 199.5 s"):
+        estimate(line, Tuning.preset("kauring"))
+
+
+def test_a_line_that_is_not_there(kauring):
+    with pytest.raises(KeyError, match="There is no line 5; there are 10100"):
+        kauring[5]
+    with pytest.raises(KeyError, match="There is no line 200100; line 200100 lasts 140.0 s, at least 240 s are needed"):
+        read.load("kauring")[200100]
+
+
+def test_an_unknown_unit_and_a_row_without_a_line(table):
+    with pytest.raises(ValueError, match="not knots and m"):
+        survey(table, read.Layout(KAURING.columns, KAURING.corrections, acceleration="knots"))
+    table["LINE"][:] = np.nan
+    with pytest.raises(ValueError, match="Row 1 of the data carries no line number"):
+        survey(table, KAURING)

@@ -1,0 +1,122 @@
+"""The notebooks of the airborne paper at quick scale, held against the specification's anchors; foreign files; its
+ledger.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from filelock import FileLock
+
+from geokalman.airborne import tables
+from geokalman.files import data_path, project_root
+from geokalman.reproduce import claims, execute, reference
+
+PAPER = "airborne-gravity"
+ROOT = project_root(Path(__file__).parent)
+QUICK = tuple(sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")))
+ANCHORED = tuple(name for name in QUICK if name not in ("11-throughput", "12-joint"))
+DRAWINGS = ("a01-system", "a01-chain")
+HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
+    ","
+)
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands of epochs take hours in plain Python")
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The quick run folder of a notebook; executed on first use, once for all workers of xdist."""
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if several else base) / PAPER
+    folder.mkdir(exist_ok=True)
+
+    def executed(name: str) -> Path:
+        out = folder / name
+        with FileLock(folder / f"{name}.lock"):
+            if not (out / "provenance.json").is_file():
+                execute.run(ROOT, f"{PAPER}/{name}", {}, out=out, quick=True, page=False, threads=1)
+        return out
+
+    return executed
+
+
+def test_there_are_twelve_notebooks():
+    assert len(QUICK) == 12
+
+
+@pytest.mark.parametrize("name", ANCHORED)
+def test_anchors_of_the_specification(run, name):
+    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
+    assert wanted, "every notebook but the timing and the joint one has a quick anchor"
+    metrics = reference.read_run(run(name))[1]
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_stored_reference(run, name):
+    if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
+        pytest.skip(f"no reference of {name} at quick scale is stored yet; make one with: make reference")
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_figures_are_drawn_twice_with_their_data(run, name):
+    folder = run(name)
+    for figure in reference.read_run(folder)[0]["figures"]:
+        light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
+        assert light != dark and len(light) > 1000
+        if figure not in DRAWINGS:
+            assert (folder / "figures" / f"{figure}.csv").stat().st_size > 40, figure
+
+
+def test_the_joint_quick_run_beats_the_line_product_with_a_coarse_field(run):
+    metrics = reference.read_run(run("12-joint"))[1]
+    assert metrics["test.joint"]["value"] < metrics["test.contractor"]["value"]
+    assert metrics["test.contractor"]["value"] == pytest.approx(0.696, abs=0.001)
+    assert metrics["test.grid"]["value"] == pytest.approx(0.455, abs=0.001)
+
+
+def test_a_file_of_ones_own_gives_the_same_numbers(run, tmp_path):
+    table = tables.read_table(data_path("kauring_2012.xz"))
+    rows = np.isin(table["LINE"], [104000, 104100])
+    lines = [",".join(HEADER)] + [
+        ",".join(f"{v:.7f}" for v in row) for row in zip(*(table[n][rows] for n in HEADER), strict=True)
+    ]
+    (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
+    given = {"data": str(tmp_path / "own.csv"), "lines": [104100]}
+    execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)
+    ours, vendored = reference.read_run(tmp_path / "out")[1], reference.read_run(run("08-kauring"))[1]
+    for key in ("vs_ground.fb.line104100", "vs_contractor.forward.line104100", "offset.fb.line104100"):
+        assert ours[key]["value"] == pytest.approx(vendored[key]["value"], abs=1e-6)
+
+
+def test_the_steady_states_are_callable(tmp_path):
+    given = {"L_km": 15.0, "sigma_mgal": 25.0, "R_m": 0.005, "q_f": 3.0, "V": 80.0, "dt": 0.5}
+    execute.run(ROOT, f"{PAPER}/03-gm3", given, out=tmp_path / "out", page=False, threads=1)
+    metrics = reference.read_run(tmp_path / "out")[1]
+    assert metrics["steady.forward_sd"]["value"] == pytest.approx(2.3735, rel=1e-3)
+    assert metrics["steady.smoother_sd"]["value"] == pytest.approx(0.5140, rel=1e-3)
+
+
+def test_a_line_that_the_file_does_not_hold(tmp_path):
+    with pytest.raises(execute.ExecutionFailed, match="There is no line 7; there are 10100"):
+        execute.run(ROOT, f"{PAPER}/08-kauring", {"lines": [7]}, out=tmp_path / "out", page=False, threads=1)
+
+
+def test_the_ledger_has_both_printed_means():
+    ledger = {j.claim.id: j.claim for j in claims.judge_paper(ROOT, PAPER)}
+    assert ledger["table1-fb-mean"].printed == 0.9073 and ledger["table1-forward-mean"].printed == 1.1273
+    assert ledger["table1-fb-mean"].calibrated and ledger["backward-start-zero"].verdict == "not-reproduced"

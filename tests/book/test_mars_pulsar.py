@@ -1,0 +1,133 @@
+"""The notebooks of the pulsar paper at the quick scale: anchors, stored references, figures, contract, other parameters, bad ones.
+
+Each test is one notebook, executed as `geokalman run` does; with xdist they run side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import pytest
+
+from geokalman.files import project_root
+from geokalman.reproduce import claims, execute, parameters, reference
+from geokalman.reproduce.errors import Misuse
+
+PAPER = "mars-pulsar"
+ROOT = project_root(Path(__file__).parent)
+NOTEBOOKS = (
+    "01-frames-ephemeris", "02-dynamics-stm", "03-pulsars", "04-simulation", "05-table3", "06-figures12", "07-initial-error", "08-mismatch-q",
+    "09-robustness", "10-sequential", "11-smoother-ukf", "12-real-photons",
+)  # fmt: skip
+FILTERS = ("ekf", "aekf1_prw", "aekf1_pr3", "aekf1_pr2", "aekf2", "raekf", "rts", "ekf_tuned")
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles of orbits take hours in plain Python")
+NAMES = [pytest.param(name, id=name, marks=pytest.mark.xdist_group(name)) for name in NOTEBOOKS]
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The run folder of a notebook at the quick scale; executed on first use."""
+    folder = tmp_path_factory.mktemp(PAPER)
+    done: dict[str, Path] = {}
+
+    def executed(name: str) -> Path:
+        if name not in done:
+            done[name] = execute.run(ROOT, f"{PAPER}/{name}", {}, out=folder / name, quick=True, page=False, threads=1)
+        return done[name]
+
+    return executed
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_anchors_of_the_specification(run, name):
+    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
+    assert wanted, "every notebook has an anchor"
+    _, metrics, _ = reference.read_run(run(name))
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stored_reference(run, name):
+    if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
+        pytest.skip(f"no reference of {name} at the quick scale is stored yet; make one with: make reference")
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_figures_are_drawn_twice_with_their_data(run, name):
+    folder = run(name)
+    for figure in reference.read_run(folder)[0]["figures"]:
+        light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
+        assert light != dark
+        assert (folder / "figures" / f"{figure}.csv").stat().st_size > 40
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_claims_name_what_is_recorded(run, name):
+    named = {
+        m.partition(":")[2] for c in claims.ledger(ROOT, PAPER) for m in c.metrics if m.startswith(f"{PAPER}/{name}:")
+    }
+    assert named <= set(reference.read_run(run(name))[1])
+
+
+def test_every_notebook_of_the_paper_is_here():
+    assert sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")) == list(NOTEBOOKS)
+
+
+@pytest.mark.xdist_group("05-table3")
+def test_the_names_of_the_contract(run):
+    metrics = reference.read_run(run("05-table3"))[1]
+    for name in FILTERS:
+        for axis in ("x", "y", "z", "3d"):
+            assert (
+                metrics[f"table3.{name}.rms.{axis}"]["unit"] == metrics[f"table3.{name}.rms_sd.{axis}"]["unit"] == "m"
+            )
+        assert metrics[f"table3.{name}.nees6"]["unit"] == ""
+        assert (f"table3.{name}.nis7" in metrics) == (name != "rts")
+
+
+def test_the_parameters_of_the_contract():
+    found = set().union(*(parameters.load(ROOT, f"{PAPER}/{name}").parameters for name in NOTEBOOKS))
+    assert {
+        "preset", "seed0", "n_seeds", "pulsars", "sigma_scale", "q_pos_m", "q_vel_m_s", "filters", "k0", "k1", "raan_deg", "days", "outlier_fraction",
+        "allow_coarse_substeps",
+    } <= found  # fmt: skip
+
+
+@pytest.mark.parametrize("preset", list("ABCD"))
+def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
+    given = {
+        "preset": preset,
+        "filters": ["ekf", "ukf", "ekf_tuned"],
+        "n_seeds": 1,
+        "days": 1.0,
+        "pulsars": [1, 2, 3, 7],
+        "raan_deg": 75.0,
+        "q_pos_m": 20.0,
+    }
+    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / preset, page=False, threads=1)
+    metrics = reference.read_run(folder)[1]
+    assert ("table3.ekf_tuned.rms.x" in metrics) == (preset == "C")
+    assert metrics["table3.ukf.rms.3d"]["value"] > 0
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"preset": "F"}, "preset"), ({"filters": ["pf"]}, "filters"), ({"n_seeds": 0}, "n_seeds"), ({"days": -1.0}, "days"), ({"pulsars": [8]}, "pulsars"),
+        ({"k0": 0.0}, "k0"), ({"outlier_fraction": 2.0}, "outlier_fraction"), ({"q_pos_m": -1.0}, "q_pos_m"), ({"sigma_scale": 0.0}, "sigma_scale"),
+    ],
+)  # fmt: skip
+def test_parameters_out_of_range_are_refused_in_one_sentence(given, match):
+    with pytest.raises(Misuse, match=match):
+        parameters.load(ROOT, f"{PAPER}/05-table3").check(given)

@@ -1,0 +1,100 @@
+"""The notebooks of radioastron-orbit at quick scale: anchors of the specification, stored references, figures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import pytest
+from filelock import FileLock
+
+from geokalman.files import project_root
+from geokalman.reproduce import execute, reference
+from geokalman.reproduce.errors import Fault
+
+PAPER = "radioastron-orbit"
+NOTEBOOKS = (
+    "01-orbit", "02-measurements", "03-observability", "04-session-l", "05-correlator", "06-session-c", "07-sessions-2012",
+    "08-estimators", "09-beyond", "10-literal",
+)  # fmt: skip
+ROOT = project_root(Path(__file__).parent)
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of orbit take minutes in plain Python")
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The run folder of a notebook at quick scale, or with other parameters; executed on first use, once for all workers."""
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if several else base) / PAPER
+    folder.mkdir(exist_ok=True)
+
+    def executed(name: str, label: str = "quick", **given) -> Path:
+        out = folder / f"{name}-{label}"
+        with FileLock(folder / f"{name}-{label}.lock"):
+            if not (out / "provenance.json").is_file():
+                execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=True, page=False, threads=1)
+        return out
+
+    return executed
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_anchors_of_the_specification(run, name):
+    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
+    assert wanted, "every notebook has an anchor"
+    _, metrics, _ = reference.read_run(run(name))
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_stored_reference(run, name):
+    if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
+        pytest.skip(f"no reference of {name} is stored yet; make one with: make reference")
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(name), "quick")
+        if d.problem
+    ]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_figures_are_drawn_twice_with_their_data(run, name):
+    folder = run(name)
+    figures = reference.read_run(folder)[0]["figures"]
+    assert figures
+    for figure in figures:
+        light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
+        assert min(len(light), len(dark)) > 1000 and light != dark, figure
+
+
+@pytest.mark.parametrize(("label", "name", "given", "key", "value", "rel"), [
+    ("oe", "01-orbit", {"session": "RAES03OE"}, "state.z", 71711182.302, 1e-9),
+    ("bb", "02-measurements", {"session": "BB"}, "range_m", 124855108.64, 1e-9),
+    ("later", "02-measurements", {"after_s": 600.0}, "range_rate_m_s", 1065.0, 0.1),
+    ("pass", "03-observability", {"bias": "per-pass", "filter_sigma_range_m": 10.0, "filter_sigma_rate_m_s": 1e-3}, "sigma.delay_us.post", 10.998, 0.03),
+    ("two", "03-observability", {"stations": ["Bear Lakes", "Ussuriysk"], "estimate_bias": True}, "sigma.rate.post", 1.51e-11, 0.03),
+    ("east", "03-observability", {"mean_anomaly_deg": 90.0, "source": "east 15"}, "sigma.delay_us.post", 1.88, 0.03),
+    ("smear", "05-correlator", {"rate": 0.0, "acceleration": 3e-15, "band": "C", "n_seeds": 1}, "coherence", 0.525, 0.02),
+])  # fmt: skip
+def test_parameters_of_the_contract(run, label, name, given, key, value, rel):
+    assert reference.read_run(run(name, label, **given))[1][key]["value"] == pytest.approx(value, rel=rel)
+
+
+@pytest.mark.parametrize(("name", "given", "words"), [
+    ("01-orbit", {"session": "XX"}, "session 'XX' is unknown"),
+    ("03-observability", {"stations": ["Arecibo"]}, "station 'Arecibo' is unknown"),
+    ("04-session-l", {"source": "12:30, 10"}, "in hours"),
+])  # fmt: skip
+def test_a_wrong_parameter_is_said_in_a_sentence(tmp_path, name, given, words):
+    with pytest.raises(Fault, match=words):
+        execute.run(ROOT, f"{PAPER}/{name}", given, out=tmp_path / "run", quick=True, page=False, threads=1)
+
+
+def test_every_notebook_of_the_paper_is_here():
+    assert sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")) == list(NOTEBOOKS)

@@ -1,0 +1,109 @@
+"""Scores and ensembles: what they measure, the same on one and on two workers, and what they refuse."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import numpy as np
+import pytest
+
+from geokalman.kalman import monte_carlo
+from geokalman.physics import mars
+from geokalman.pulsar import assess, ensemble, estimate
+from geokalman.pulsar.ensemble import Experiment, Method
+from geokalman.pulsar.model import CENTURIES, Mission, preset
+
+
+@pytest.fixture(scope="module")
+def trial(day):
+    methods = {
+        "ekf": Method("ekf"), "rts": Method("ekf", smoothed=True), "two": Method("ekf", pulsars=(1, 2)), "cycle": Method("aekf2", order=(1, 2, 3)),
+        "wide": Method("ekf", r_factor=100.0), "empirical": Method("ekf", empirical=(1e-3, 1000.0)),
+    }  # fmt: skip
+    return Experiment(day.mission, preset("E"), day.rich, day.force, methods, first=10)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
+def test_the_same_numbers_for_one_and_two_workers(trial):
+    one, two = (ensemble.ensemble(trial, 3, 4, workers) for workers in (1, 2))
+    assert one == two
+    with ThreadPoolExecutor(2) as pool:
+        assert monte_carlo(trial, range(3, 7), pool)[2] == {label: scores[2] for label, scores in one.items()}
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
+def test_methods_differ_as_they_say(trial):
+    scores = {label: assess.mean(s) for label, s in ensemble.ensemble(trial, 0, 2).items()}
+    assert scores["wide"].nis < scores["ekf"].nis and scores["wide"].nees6 < scores["ekf"].nees6
+    assert scores["empirical"].d3 < scores["ekf"].d3
+    assert (
+        scores["two"].d3 != scores["ekf"].d3
+        and scores["cycle"].d3 != scores["ekf"].d3
+        and scores["rts"].d3 != scores["ekf"].d3
+    )
+
+
+def test_a_score_from_its_definitions(trial, day):
+    from geokalman.pulsar import simulate
+
+    data = simulate.observe(day.rich, day.mission, preset("E"), np.random.default_rng(0))
+    run = trial.estimate(Method("aekf1_pr3"), data)
+    score = assess.score(run, day.rich, 10)
+    error = (run.x - day.rich.x)[10:]
+    turned = error[:, :3] @ mars.smci_from_icrf(CENTURIES)
+    assert (score.x, score.y, score.z) == pytest.approx(np.sqrt((turned**2).mean(axis=0)))
+    assert score.d3 == pytest.approx(np.sqrt((error[:, :3] ** 2).sum(axis=1).mean()))
+    assert score.d3**2 == pytest.approx(score.x**2 + score.y**2 + score.z**2)
+    assert (score.vx, score.vy, score.vz) == pytest.approx(np.sqrt((error[:, 3:] ** 2).mean(axis=0)))
+    expected = np.mean([e @ np.linalg.solve(P, e) for e, P in zip(error, run.P[10:], strict=True)]) / 6
+    assert score.nees6 == pytest.approx(expected, rel=1e-6)
+    assert score.nis == pytest.approx(run.nis[10:].mean() / 7)
+    assert score.fired == pytest.approx((run.alpha < 1).mean())
+    position, velocity = assess.sigmas(run)
+    R = mars.icrf_from_smci(CENTURIES)
+    assert position[5] ** 2 == pytest.approx(np.diag(R @ run.P[5, :3, :3] @ R.T))
+    assert velocity[5] ** 2 == pytest.approx(np.diag(run.P[5])[3:])
+    with pytest.raises(ValueError, match="leaves no epoch"):
+        assess.score(run, day.rich, 60)
+
+
+def test_the_last_epoch_beyond_a_kilometre(day):
+    run = estimate.run("ekf", day.data, day.flight.x0 + np.array([5e3, 0, 0, 0, 0, 0]), preset("B"), day.force)
+    distance = np.linalg.norm((run.x - day.flight.x)[:, :3], axis=1)
+    last = assess.score(run, day.flight, 0).last
+    assert (distance[last:] <= 1000.0).all() and (last == 0 or distance[last - 1] > 1000.0)
+
+
+def test_statistics_of_an_ensemble():
+    scores = [assess.Score(*(np.full(12, v))) for v in (1.0, 2.0, 6.0)]
+    assert assess.mean(scores).d3 == 3.0 and assess.spread(scores).d3 == pytest.approx(np.std([1, 2, 6], ddof=1))
+    assert assess.spread(scores[:1]).d3 == 0.0
+    difference, error = assess.paired(scores, scores[::-1])
+    assert difference == 0.0 and error == pytest.approx(np.std([-5, 0, 5], ddof=1) / np.sqrt(3))
+    assert assess.paired(scores[:1], scores[1:2]) == (-1.0, 0.0)
+    assert assess.ordered({"a": scores[:1], "b": scores[1:2]}, ["a", "b"]) and not assess.ordered(
+        {"a": scores, "b": scores}, ["a", "b"]
+    )
+
+
+def test_a_filter_that_diverges_is_none_not_a_number(day):
+    lost = Experiment(day.mission, preset("A", p0=(1e9, 1.0)), day.flight, day.force, {"ekf": Method("ekf")}, first=10)
+    assert ensemble.ensemble(lost, 0, 2) == {"ekf": [None, None]}
+
+
+def test_what_an_ensemble_refuses(trial):
+    with pytest.raises(ValueError, match="seed 4 is repeated"):
+        ensemble.over_seeds(trial, [3, 4, 4])
+    for seeds, workers in ((0, 1), (1, 0)):
+        with pytest.raises(ValueError, match="must be at least 1"):
+            ensemble.ensemble(trial, 0, seeds, workers)
+    with pytest.raises(ValueError, match="filter 'pf' is unknown"):
+        ensemble.table3_methods(preset("E"), ["ekf", "pf"])
+    with pytest.raises(ValueError, match="defines no tuned"):
+        ensemble.table3_methods(preset("B"), ["ekf_tuned"])
+
+
+def test_methods_of_table_3(day):
+    methods = ensemble.table3_methods(preset("C"), ["ekf", "rts", "ekf_tuned", "ukf"])
+    assert methods["rts"].smoothed and methods["ekf_tuned"].preset.q_pos == 150.0 and methods["ukf"].kind == "ukf"
+    trial = ensemble.experiment(Mission(days=0.5), preset("C"), day.gravity, methods, first=20)
+    assert len(trial.flight.t) == 86 and trial.start().tolist() == trial.flight.x0.tolist()

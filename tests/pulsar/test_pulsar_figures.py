@@ -1,0 +1,182 @@
+"""Every figure of the part: the data in its artists, its labels with units, in both themes."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import same_color
+
+from geokalman import style
+from geokalman.pulsar import figures, signal_figures
+from geokalman.style import METHODS
+
+N = 60
+EPOCH = np.arange(1, N + 1)
+NAMES = ["B0531+21", "B1821-24", "B1937+21"]
+RNG = np.random.default_rng(0)
+
+
+@pytest.fixture(params=["light", "dark"], autouse=True)
+def theme(request):
+    """The theme in force; all figures are closed after."""
+    with style.theme(request.param) as colours:
+        yield colours
+    plt.close("all")
+
+
+def data_of(axes, label):
+    """x, y of the one line with this label."""
+    [line] = [artist for artist in axes.get_lines() if artist.get_label() == label]
+    return line.get_xdata(), line.get_ydata()
+
+
+def labelled(figure):
+    """Every axes of the figure says what it shows, and every figure can be drawn."""
+    figure.canvas.draw()
+    assert all(axes.get_xlabel() or axes.get_ylabel() for axes in figure.axes)
+    return figure
+
+
+def test_orbit_view():
+    states = np.column_stack([1e6 * np.cos(EPOCH), 1e6 * np.sin(EPOCH), 1e5 * EPOCH, *np.zeros((3, N))])
+    figure = labelled(figures.orbit_view(states, 3.397e6))
+    x, z = data_of(figure.axes[1], "orbit")
+    np.testing.assert_allclose(x, states[:, 0] / 1e3)
+    np.testing.assert_allclose(z, states[:, 2] / 1e3)
+    assert [a.get_xlabel() for a in figure.axes] == ["x [km]", "x [km]", "y [km]"]
+    assert figure.axes[0].patches[0].get_xy().max() == pytest.approx(3397.0)
+
+
+def test_ranges():
+    z = RNG.standard_normal((N, 3)) * 1e6
+    figure = labelled(figures.ranges(500.0 * EPOCH, z, NAMES))
+    t, y = data_of(figure.axes[0], "B1937+21")
+    np.testing.assert_allclose(t, 500.0 * EPOCH / 3600)
+    np.testing.assert_allclose(y, z[:, 2] / 1e3)
+    assert "[km]" in figure.axes[0].get_ylabel() and "[h]" in figure.axes[0].get_xlabel()
+
+
+@pytest.mark.parametrize("zoom", [0.0, 500.0])
+def test_axis_errors_with_their_band(zoom):
+    error, sigma = RNG.standard_normal((N, 3)) * 100, np.full((N, 3), 90.0)
+    figure = labelled(figures.axis_errors(EPOCH, error, sigma, "position", "m", zoom=zoom))
+    for j, panel in enumerate(figure.axes):
+        np.testing.assert_array_equal(data_of(panel, "estimate minus truth")[1], error[:, j])
+        [band] = panel.collections
+        assert band.get_paths()[0].get_extents().ymax == pytest.approx(270.0)
+        assert panel.get_ylabel() == f"{'XYZ'[j]} [m]"
+        if zoom:
+            assert panel.get_ylim() == (-zoom, zoom)
+    assert "epoch" in figure.axes[-1].get_xlabel()
+
+
+def test_consistency():
+    series = {"ekf": np.full(N, 4e3), "aekf1_pr3": np.full(N, 0.7)}
+    [axes] = labelled(figures.consistency(EPOCH, series, (0.2, 2.4))).axes
+    np.testing.assert_array_equal(data_of(axes, "EKF")[1], 4e3)
+    assert axes.get_yscale() == "log" and axes.get_ylabel() == "NEES / 6"
+
+
+def test_against_paper():
+    scores = {"ekf": np.array([1620.0, 200.0, 941.0]), "aekf1_prw": np.array([92.0, 20.0, 65.0])}
+    figure = labelled(figures.against_paper(scores, {k: 0.02 * v for k, v in scores.items()}, (94.1, 19.5, 22.3)))
+    for j, axes in enumerate(figure.axes):
+        lines = [line for line in axes.get_lines() if line.get_label().startswith("paper")]
+        assert lines[0].get_xdata()[0] == (94.1, 19.5, 22.3)[j]
+        assert sorted(
+            float(line.get_xdata()[0]) for line in axes.get_lines() if line.get_marker() in ("^", "o")
+        ) == sorted(v[j] for v in scores.values())
+        assert axes.get_xlabel() == f"RMS error in {'XYZ'[j]} [m]"
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["EKF", "AEKF1 (prw)"]
+
+
+def test_seed_strip_takes_the_colour_of_the_filter_that_is_named():
+    values = {
+        "A, RAEKF 1.5/2.5": [3.0, 5.0],
+        "EKF, cycle 123": [1.0],
+        "igg 3/8": [2.0],
+        "the same + RTS smoother": [4.0],
+    }
+    [axes] = labelled(figures.seed_strip(values, "3-D RMS error of a run [m]", marks={"paper": 2.5})).axes
+    means = [line for line in axes.get_lines() if line.get_marker() == "D"]
+    assert [float(line.get_xdata()[0]) for line in means] == [4.0, 1.0, 2.0, 4.0]
+    for line, key in zip(means, ("raekf", "ekf", "exact", "rts"), strict=True):
+        assert same_color(line.get_color(), METHODS[key].colour)
+    assert axes.get_xscale() == "log" and axes.get_ylim()[0] > axes.get_ylim()[1]
+
+
+@pytest.mark.parametrize("logx", [True, False])
+def test_curves(logx):
+    x = np.array([2.0, 4.0, 20.0])
+    [axes] = labelled(figures.curves(x, {"ekf": x**2, "aekf2": x}, "degree", "3-D RMS error [m]", logx=logx)).axes
+    np.testing.assert_array_equal(data_of(axes, "EKF")[1], x**2)
+    assert (axes.get_xscale() == "log") == logx and axes.get_yscale() == "log"
+
+
+def test_noise_curve():
+    q, d3, nis = np.array([1.0, 70.0, 150.0]), np.array([3235.0, 1206.0, 989.0]), np.array([58.0, 1.03, 0.88])
+    left, right = labelled(figures.noise_curve(q, d3, nis)).axes
+    np.testing.assert_array_equal(left.get_lines()[0].get_ydata(), d3)
+    np.testing.assert_array_equal(right.get_lines()[0].get_ydata(), nis)
+    assert "989 m, at 150 m" in left.get_title(loc="left")
+
+
+def test_smoothing():
+    [axes] = labelled(figures.smoothing(EPOCH, np.full(N, 9.0), np.full(N, 6.0), "3-D position error [m]")).axes
+    assert data_of(axes, "EKF + RTS")[1][0] == 6.0
+
+
+def test_timing_terms():
+    terms = {"Roemer": RNG.standard_normal((N, 3)), "differences": np.exp(RNG.standard_normal((N, 3)))}
+    figure = labelled(signal_figures.timing_terms(EPOCH, terms, NAMES, ["[s]", "[m]"]))
+    assert [a.get_yscale() for a in figure.axes] == ["linear", "log"]
+    np.testing.assert_array_equal(data_of(figure.axes[1], "B1821-24")[1], terms["differences"][:, 1])
+
+
+def test_transition_errors():
+    steps = np.array([10.0, 100.0, 500.0])
+    blocks = {name: steps**2 * f for name, f in zip(("rr", "rv", "vr", "vv"), (1, 2, 3, 4), strict=True)}
+    [axes] = labelled(signal_figures.transition_errors(steps, blocks, steps**4)).axes
+    np.testing.assert_array_equal(data_of(axes, "Markley, rv [s]")[1], 2 * steps**2)
+    np.testing.assert_array_equal(data_of(axes, "integrated, rv [s]")[1], steps**4)
+
+
+def test_sky_map():
+    ra, dec, sigma = np.array([83.6, 276.1, 34.5]), np.array([22.0, -24.9, 42.5]), np.array([109.0, 326.0, 13718.0])
+    [axes] = labelled(signal_figures.sky_map(ra, dec, sigma, NAMES)).axes
+    [dots] = axes.collections
+    np.testing.assert_allclose(np.degrees(dots.get_offsets()), np.column_stack([[83.6, -83.9, 34.5], dec]))
+    assert (np.diff(dots.get_sizes()) < 0).all()  # the better, the larger
+    assert [t.get_text() for t in axes.texts] == ["B0531+21, 109 m", "B1821-24, 326 m", "B1937+21, 13718 m"]
+
+
+def test_accuracy():
+    t = np.geomspace(100, 1e5, 5)
+    [axes] = labelled(signal_figures.accuracy(t, np.outer([1.0, 3.0, 9.0], 1e4 / np.sqrt(t)), NAMES)).axes
+    np.testing.assert_allclose(data_of(axes, "B1821-24")[1], 3e4 / np.sqrt(t))
+    assert any(np.allclose(line.get_ydata(), 94.1) for line in axes.get_lines())
+
+
+def test_arrival_residuals_in_milliseconds():
+    t = 500.0 * np.arange(7)
+    [axes] = labelled(
+        signal_figures.arrival_residuals(t, {"raw": np.full(7, 8e-3), "corrected": np.full(7, 2e-3)}, np.full(7, 1e-3))
+    ).axes
+    heights = [c.lines[0].get_ydata()[0] for c in axes.containers]
+    assert heights == pytest.approx([8.0, 2.0]) and "[ms]" in axes.get_ylabel()
+
+
+def test_orbit_scale():
+    s = np.linspace(0, 2, 41)
+    [axes] = labelled(signal_figures.orbit_scale(s, 600 - 20 * (s - 1.2) ** 2)).axes
+    assert axes.patches[0].get_extents().transformed(axes.transData.inverted()).x0 == pytest.approx(1.0, abs=0.03)
+
+
+def test_profiles_count_every_photon_twice():
+    phase = RNG.random(1000)
+    figure = labelled(signal_figures.profiles({"one": phase, "two": phase - 7.0}))
+    for axes in figure.axes:
+        [stairs] = [p for p in axes.patches]
+        assert stairs.get_data().values.sum() == 2000
+    assert "cycles" in figure.axes[-1].get_xlabel()

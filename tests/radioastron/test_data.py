@@ -1,0 +1,105 @@
+"""Everything that section 9 of the specification calls bad input, one sentence each."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+
+import numpy as np
+import pytest
+
+from geokalman.radioastron.data import Levels, Weights, check_prior
+
+
+def changed(data, **arrays):
+    return dataclasses.replace(data, **arrays)
+
+
+def with_value(array, k, value):
+    out = array.copy()
+    out[k] = value
+    return out
+
+
+def test_good_data_are_taken(drawn):
+    data = drawn[1]
+    assert len(changed(data).t) == 170
+    changed(data, range=with_value(data.range, 3, np.nan))
+
+
+@pytest.mark.parametrize(("make", "words"), [
+    (lambda d: {"range": d.range * 1e-3}, "in km"),
+    (lambda d: {"range": d.range * 2.0}, "whole way"),
+    (lambda d: {"range": d.range * 1e3}, "in mm"),
+    (lambda d: {"range": d.range * 5.0}, "check the units"),
+    (lambda d: {"rate": -d.rate}, "sign is that of a Doppler"),
+    (lambda d: {"rate": d.rate + 0.2}, "one-way Doppler"),
+    (lambda d: {"range": with_value(d.range, 7, np.inf)}, "index 7 is infinite"),
+    (lambda d: {"rate": with_value(d.rate, 7, -np.inf)}, "index 7 is infinite"),
+    (lambda d: {"range": d.range * np.nan, "rate": d.rate * np.nan}, "pass is empty"),
+    (lambda d: {"t": with_value(d.t, 5, np.nan)}, "index 5 is not finite"),
+    (lambda d: {"t": with_value(d.t, 5, d.t[2])}, "sort the measurements"),
+    (lambda d: {"t": with_value(d.t, 5, d.t[4])}, "measures twice"),
+    (lambda d: {"t": np.where(d.arc == 1, d.t + 90000.0, d.t)}, "longer than a day"),
+    (lambda d: {"range": d.range[:-1]}, "shape"),
+    (lambda d: {"stations": ("Goldstone",)}, "unknown"),
+    (lambda d: {"prior_mean": d.prior_mean / 20}, "inside the Earth"),
+    (lambda d: {"prior_mean": d.prior_mean * [1, 1, 1, 2, 2, 2]}, "e >= 1"),
+    (lambda d: {"prior_mean": d.prior_mean * np.nan}, "six finite numbers"),
+    (lambda d: {"prior_cov": np.eye(5)}, "finite \\(6, 6\\)"),
+    (lambda d: {"prior_cov": d.prior_cov + np.triu(np.full((6, 6), 1e3), 1)}, "not symmetric"),
+    (lambda d: {"prior_cov": -d.prior_cov}, "not positive definite"),
+    (lambda d: {name: getattr(d, name)[:0] for name in ("t", "station", "arc", "range", "rate")}, "no measurement"),
+])  # fmt: skip
+def test_bad_data_are_refused(drawn, make, words):
+    data = drawn[1]
+    with pytest.raises(ValueError, match=words):
+        changed(data, **make(data))
+
+
+def test_one_pass_alone_is_taken_with_a_warning(drawn):
+    data, first = drawn[1], drawn[1].arc == 0
+    with pytest.warns(UserWarning, match="one pass alone"):
+        changed(data, **{name: getattr(data, name)[first] for name in ("t", "station", "arc", "range", "rate")})
+
+
+def test_an_outlier_does_not_look_like_another_link(drawn):
+    data = drawn[1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        changed(data, range=with_value(data.range, 40, data.range[40] + 500.0))
+
+
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"prior_position": 0.0}, {"sigma_range": -1.0}, {"sigma_rate": float("nan")}, {"bias_rate": float("inf")}],
+)
+def test_sigmas_must_be_positive(kwargs):
+    with pytest.raises(ValueError, match="must be a positive finite sigma"):
+        Levels(**kwargs)
+    if next(iter(kwargs)) in Weights.__dataclass_fields__:
+        with pytest.raises(ValueError, match="must be a positive finite sigma"):
+            Weights(**kwargs)
+
+
+def test_unknown_bias():
+    with pytest.raises(ValueError, match="bias = 'daily' is unknown"):
+        Levels(bias="daily")
+
+
+def test_weights_default_to_the_noise():
+    p = {
+        "sigma_range_m": 7.0,
+        "sigma_rate_m_s": 2e-3,
+        "filter_sigma_range_m": None,
+        "filter_sigma_rate_m_s": 5e-3,
+        "estimate_bias": True,
+    }
+    assert Weights.from_parameters(p) == Weights(7.0, 5e-3, True)
+    assert Levels.from_parameters({"prior_pos_m": 3.0, "bias": "none"}) == Levels(prior_position=3.0, bias="none")
+
+
+def test_a_correlated_prior_is_a_prior(drawn):
+    P = drawn[1].prior_cov.copy()
+    P[0, 3] = P[3, 0] = 0.5 * np.sqrt(P[0, 0] * P[3, 3])
+    check_prior(drawn[1].prior_mean, P)
