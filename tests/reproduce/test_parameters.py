@@ -126,6 +126,17 @@ def test_paths_are_relative_to_the_caller(tmp_path):
     assert make().parse(["field=own.gfc"], tmp_path) == {"field": str(tmp_path / "own.gfc")}
 
 
+def test_folders_are_relative_to_the_caller_and_must_be_folders(tmp_path):
+    (tmp_path / "day").mkdir()
+    (tmp_path / "file").write_text("x")
+    spec = make('data_dir = ""  # folder: Level-1 files', None)
+    assert spec.parameters["data_dir"].type == "folder"
+    assert spec.parse(["data_dir=day"], tmp_path) == {"data_dir": str(tmp_path / "day")}
+    for name, what in (("file", "is a file"), ("none", "does not exist")):
+        with pytest.raises(Misuse, match=rf"data_dir={name}: .* {what}; data_dir must be the path of an existing folder \(Level-1 files\)\."):
+            spec.parse([f"data_dir={name}"], tmp_path)
+
+
 def test_numpy_numbers_become_plain_ones():
     found = make().check(
         {"days": np.float32(2), "n_max": np.int64(8), "stencils": np.array([5, 9]), "kbr": np.bool_(False)}

@@ -11,7 +11,6 @@ from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.special import gammaincc, gammaincinv
 
 from geokalman.kalman.checks import NotPositiveDefinite, array
@@ -45,13 +44,19 @@ def nees(error, cov) -> np.ndarray:
     e, P = array("error", e.reshape(-1, n), None, n), array("cov", P.reshape(-1, n, n), None, n, n)
     sigma = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), np.finfo(float).tiny))  # scale before factoring
     P = P / sigma[:, :, None] / sigma[:, None, :]
-    out = np.empty(len(e))
-    for k in range(len(e)):
-        try:
-            root = np.linalg.cholesky(P[k])
-        except np.linalg.LinAlgError:
-            raise NotPositiveDefinite("covariance", k) from None
-        out[k] = (solve_triangular(root, e[k] / sigma[k], lower=True) ** 2).sum()
+    try:
+        roots = np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        for k in range(len(P)):
+            try:
+                np.linalg.cholesky(P[k])
+            except np.linalg.LinAlgError:
+                raise NotPositiveDefinite("covariance", k) from None
+        raise
+    w = e / sigma
+    for i in range(n):  # forward substitution, all covariances at once
+        w[:, i] = (w[:, i] - np.einsum("kj,kj->k", roots[:, i, :i], w[:, :i])) / roots[:, i, i]
+    out = np.einsum("ki,ki->k", w, w)
     return out.reshape(np.shape(error)[:-1])
 
 

@@ -31,12 +31,13 @@ __all__ = [
 ]
 
 VENDORED = {"EGM96": "egm96.npz", "JGM3": "jgm3.npz", "GMM2B": "gmm2b.npz"}
+MONTHLY = {"GRACE-FO-2020-03": "grace_fo_2020_03.npz", "GRACE-FO-2020-06": "grace_fo_2020_06.npz"}
 GAUSSIAN_CUT = 1e-7
 """Weights from the first one below this on are zero: there the recursion has lost its digits."""
 
 
 def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None) -> GravityField:
-    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars; empty is `EGM96`) or any ICGEM `.gfc` file by its path.
+    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`; empty is `EGM96`) or any ICGEM `.gfc` file by its path.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
         A vendored field that fails its checksum.
     """
     text = os.fspath(name_or_path) or "EGM96"
-    vendored = VENDORED.get(text.upper())
+    vendored = (VENDORED | MONTHLY).get(text.upper())
     if vendored is not None:
         field = _read_npz(files.data_path(vendored))
     elif not os.path.isfile(text):

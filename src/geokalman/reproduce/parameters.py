@@ -63,7 +63,7 @@ class Parameter(BaseModel):
     @property
     def type(self) -> str:
         """Name of the type, e.g. `float`, `list[int]`, `str or None`."""
-        base = "path" if self.is_path else self.kind
+        base = self.unit if self.is_path else self.kind
         return (f"list[{base}]" if self.many else base) + (" or None" if self.optional else "")
 
     @property
@@ -75,8 +75,8 @@ class Parameter(BaseModel):
 
     @property
     def is_path(self) -> bool:
-        """Is it the path of a file (unit `path`), relative to whoever gives it?"""
-        return self.unit == "path"
+        """Is it the path of a file (unit `path`) or of a folder (unit `folder`), relative to whoever gives it?"""
+        return self.unit in ("path", "folder")
 
     @property
     def wanted(self) -> str:
@@ -128,10 +128,13 @@ class Parameter(BaseModel):
 
     def _file(self, value: str, base: Path | None) -> str:
         path = ((base or Path.cwd()) / Path(value).expanduser()).resolve()
-        if not path.is_file():
-            what = "is a folder" if path.is_dir() else "does not exist"
+        folder = self.unit == "folder"
+        if not (path.is_dir() if folder else path.is_file()):
+            what = "does not exist" if not path.exists() else "is a file" if folder else "is a folder"
             about = f" ({self.help})" if self.help else ""
-            raise Misuse(f"{self.name}={value}: {path} {what}; {self.name} must be the path of an existing file{about}.")
+            raise Misuse(
+                f"{self.name}={value}: {path} {what}; {self.name} must be the path of an existing {'folder' if folder else 'file'}{about}."
+            )
         return str(path)
 
     def _wrong(self, value: Any, why: str | None = None, place: str = "") -> Misuse:

@@ -1,0 +1,126 @@
+"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from geokalman.attitude import pointing
+from geokalman.attitude.estimate import Solution
+from geokalman.attitude.flight import Solved
+from geokalman.attitude.model import AXES, Array
+from geokalman.kalman.consistency import chi_square_bounds, nees
+from geokalman.physics.quaternion import difference
+
+EDGE_S = 600.0
+BAND = (0.01, 0.1)
+SMOOTHERS = ("rts",)
+
+
+def inner(n: int, dt: float = 1.0, edge_s: float = EDGE_S) -> slice:
+    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for that."""
+    edge = int(min(edge_s / dt, n // 6))
+    return slice(edge, n - edge)
+
+
+def error(q: Array, reference: Array) -> Array:
+    """Attitude error Log(q* q_reference) (n, 3) [rad] in SRF axes: roll, pitch, yaw."""
+    return difference(q, reference)
+
+
+def rms(series: Array) -> Array:
+    """Root mean square per component, gaps (NaN) left out; keeps the mean."""
+    return np.sqrt(np.nanmean(np.asarray(series) ** 2, axis=0))
+
+
+def std(series: Array) -> Array:
+    """Standard deviation per component, gaps left out; removes the mean."""
+    return np.nanstd(series, axis=0)
+
+
+def by_axis(prefix: str, values: Array) -> dict[str, float]:
+    """prefix.roll, prefix.pitch, prefix.yaw -> value."""
+    return {f"{prefix}.{axis}": float(value) for axis, value in zip(AXES, values, strict=True)}
+
+
+def rate_difference(solution: Solution, result: Solved) -> Array:
+    """Rates of a solution by central differences minus the mean gyro rates (n - 2, 3) [rad/s]."""
+    return pointing.rates(solution.q, result.measured.dt) - result.rates[1:-1]
+
+
+def nees_of(solution: Solution, reference: Array) -> Array:
+    """NEES (n,) of the attitude, 3 degrees of freedom; NaN before the filter starts."""
+    e = error(solution.q, reference)
+    good = np.isfinite(e).all(axis=1) & np.isfinite(solution.cov).all(axis=(1, 2))
+    out = np.full(len(e), np.nan)
+    out[good] = nees(e[good], solution.cov[good])
+    return out
+
+
+def statistics(result: Solved, truth: Array | None) -> dict[str, float]:
+    """Every number of one satellite's run that the notebooks record, by dotted name.
+
+    truth : (n, 4) true attitudes at the epochs of the result, or None; without it errors count from the smoothed solution,
+    and what needs the truth (rates and NEES against it) is left out.
+    """
+    out: dict[str, float] = {}
+    dt = result.measured.dt
+    keep = inner(len(result.t), dt)
+    rates_keep = inner(len(result.t) - 2, dt)
+    reference = result.solutions["rts"].q if truth is None and "rts" in result.solutions else truth
+    for name, solution in result.solutions.items():
+        if reference is not None:
+            out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep]))
+        apart = rate_difference(solution, result)[rates_keep]
+        out |= by_axis(f"rate_minus_imu.{name}", std(apart))
+        if np.isfinite(apart).all():
+            out |= by_axis(f"band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
+        if name not in SMOOTHERS:
+            out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep]) / 3)
+        if truth is not None:
+            true_rates = pointing.rates(truth, dt)
+            out |= by_axis(f"rate_minus_truth.{name}", std((pointing.rates(solution.q, dt) - true_rates)[rates_keep]))
+            out[f"nees3.{name}"] = float(np.nanmean(nees_of(solution, truth)[keep]) / 3)
+    if truth is not None:
+        half = pointing.rates(truth, dt)
+        out |= by_axis("imu_minus_truth", std((result.rates[1:-1] - half)[rates_keep]))
+    return out
+
+
+def antenna_statistics(
+    estimates: Mapping[str, Mapping[str, Array]], truth: Mapping[str, Array], r_C: Array, r_D: Array
+) -> dict[str, float]:
+    """Antenna correction of the pair: its size, and the rms error of its rate for every filter.
+
+    estimates : filter -> satellite -> (n, 4); truth : satellite -> (n, 4), at 1 Hz; r (n, 3) [m].
+    """
+    true = pointing.antenna_correction(truth["C"], truth["D"], r_C, r_D)
+    keep, rates_keep = inner(len(true)), inner(len(true) - 2)
+    out = {
+        "aoc.mean": float(true[keep].mean()),
+        "aoc.std": float(true[keep].std()),
+        "aoc.rate_rms": float(rms(pointing.central_rate(true)[rates_keep])),
+    }
+    for name, q in estimates.items():
+        apart = pointing.antenna_correction(q["C"], q["D"], r_C, r_D) - true
+        out[f"kbr_rate_error.{name}"] = float(rms(pointing.central_rate(apart)[rates_keep]))
+    return out
+
+
+def consistency_bounds(epochs: int, probability: float = 0.95) -> tuple[float, float]:
+    """Bounds of the mean NIS/3 of independent epochs with 3 degrees of freedom each."""
+    low, high = chi_square_bounds(np.full(epochs, 3), probability)
+    return low / 3, high / 3
+
+
+def table_of(runs: Sequence[Mapping[str, float]]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation over runs (0 for one) of every name that all of them have."""
+    names = [name for name in runs[0] if all(name in run for run in runs)]
+    values = {name: np.array([run[name] for run in runs]) for name in names}
+    return {name: (float(v.mean()), float(v.std(ddof=1)) if len(v) > 1 else 0.0) for name, v in values.items()}
+
+
+def axis_mean(table: Mapping[str, tuple[float, float]], prefix: str) -> float:
+    """Mean over roll, pitch and yaw of a quantity."""
+    return float(np.mean([table[f"{prefix}.{axis}"][0] for axis in AXES]))

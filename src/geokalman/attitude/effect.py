@@ -1,0 +1,127 @@
+"""What attitude errors do downstream: accelerations in the ICRF, the antenna correction's rate, and range-rates of a month."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.signal import detrend
+
+from geokalman.attitude import pointing
+from geokalman.attitude.estimate import FILTERS
+from geokalman.attitude.flight import Flight, flight, solve
+from geokalman.attitude.model import SATELLITES, SUN, Array, Scenario, Tuning
+from geokalman.constants import GM_EARTH, R_EARTH
+from geokalman.physics.quaternion import conjugate, exp, multiply, rotate
+
+Attitudes = Mapping[str, Array]
+
+
+def nongravitational(r: Array, v: Array) -> Array:
+    """Drag and radiation (n, 3) [m/s^2] in the ICRF at states r [m], v [m/s].
+
+    Drag 2.5e-8 (1 + 0.7 r.s) against the velocity, sunlight 2e-8 away from the Sun where it shines (shadow: r.s < 0 and
+    |r x s| below the Earth's radius), the Earth's light 8e-9 (0.3 + max(r.s, 0)) upward.
+    """
+    up = r / np.linalg.norm(r, axis=1, keepdims=True)
+    ahead = v / np.linalg.norm(v, axis=1, keepdims=True)
+    day = up @ SUN
+    dark = (day < 0) & (np.linalg.norm(np.cross(r, SUN), axis=1) < R_EARTH)
+    return (
+        -2.5e-8 * (1 + 0.7 * day)[:, None] * ahead
+        - 2e-8 * np.where(dark, 0.0, 1.0)[:, None] * SUN
+        + 8e-9 * (0.3 + np.maximum(day, 0.0))[:, None] * up
+    )
+
+
+def accelerometer(trip: Flight, satellite: str, q: Array, acc_bias: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
+    """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q."""
+    if satellite in trip.accelerations:
+        return trip.accelerations[satellite] + np.array(acc_bias)
+    return rotate(conjugate(q), nongravitational(trip.r[satellite], trip.v[satellite])) + np.array(acc_bias)
+
+
+def turned(q: Array, pitch_offset_rad: float) -> Array:
+    """Attitudes with a constant added to the pitch: q Exp(0, offset, 0)."""
+    return multiply(q, exp(np.array([0.0, pitch_offset_rad, 0.0])))
+
+
+def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: Attitudes, step: int = 30) -> Array:
+    """Range-rate (m,) [m/s] by which a recovery with attitudes `one` differs from one with `other`, every `step` seconds.
+
+    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), section 3.12.
+    """
+    r_C, r_D = trip.r["C"], trip.r["D"]
+    e = (r_D - r_C) / np.linalg.norm(r_D - r_C, axis=1, keepdims=True)
+    antenna = pointing.antenna_correction(one["C"], one["D"], r_C, r_D) - pointing.antenna_correction(other["C"], other["D"], r_C, r_D)
+    change = {s: pointing.acceleration_difference(one[s], other[s], accelerometer(trip, s, true[s])) for s in SATELLITES}
+    along = np.einsum("ki,ki->k", e, change["D"] - change["C"])
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (along[1:] + along[:-1]))])
+    k = np.arange(0, len(antenna) - step, step)
+    return (antenna[k + step] - antenna[k]) / step + integral[k + step // 2]
+
+
+def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
+    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z axis.
+
+    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the orbital
+    frame, integrated by the classical Runge-Kutta method at 10 s.
+    """
+    n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
+
+    def rate(t: float, x: Array) -> Array:
+        up, along = acceleration * np.sin(n * t), acceleration * np.cos(n * t)
+        return np.array([x[2], x[3], 3 * n * n * x[0] + 2 * n * x[3] + up, -2 * n * x[2] + along])
+
+    x, h, largest = np.zeros(4), 10.0, 0.0
+    for k in range(round(duration / h)):
+        t = k * h
+        k1 = rate(t, x)
+        k2 = rate(t + h / 2, x + h / 2 * k1)
+        k3 = rate(t + h / 2, x + h / 2 * k2)
+        k4 = rate(t + h, x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        largest = max(largest, float(np.hypot(x[0], x[1])))
+    return largest
+
+
+def days(
+    scenario: Scenario, tuning: Tuning, n_days: int, seed0: int, pitch_offset_rad: float, data_dir: str = "", step: int = 30
+) -> dict[str, Array]:
+    """Range-rate differences of simulated days one after the other, every `step` seconds [m/s], a line taken off each day.
+
+    A constant and a drift of the range-rate over a day are what the accelerometer's bias makes; every recovery estimates it.
+
+    `none` : MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in;
+    `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
+    """
+    parts: dict[str, list[Array]] = {}
+    for day in range(1 if data_dir else n_days):
+        trip = flight(scenario, seed0 + day, data_dir)
+        results = {s: solve(trip, s, tuning, [f for f in FILTERS if f != "akf7"]).solutions for s in SATELLITES}
+        q = {name: {s: results[s][name].q for s in SATELLITES} for name in ("mekf", "rts", "jpl_like")}
+        true = {s: trip.true_attitude(s) if trip.truth else q["rts"][s] for s in SATELLITES}
+        offset = {s: turned(q["jpl_like"][s], pitch_offset_rad) for s in SATELLITES}
+        pairs = {"none": (q["mekf"], q["jpl_like"]), "offset": (q["mekf"], offset)} | {name: (q[name], true) for name in q}
+        first = int(np.argmax(np.all([np.isfinite(x[s][:, 0]) for x in q.values() for s in SATELLITES], axis=0)))
+        for name, (one, other) in pairs.items():
+            series = range_rate_difference(trip, one, other, true, step)
+            series[: first // step + 1] = series[first // step + 1]  # the filters start with the first camera
+            parts.setdefault(name, []).append(detrend(series))
+    return {name: np.concatenate(series) for name, series in parts.items()}
+
+
+def span(series: Array, n: int, rng: np.random.Generator) -> Array:
+    """A series of n samples with the spectrum of the measured one (m,): itself where it is long enough, else drawn.
+
+    Drawn: the discrete spectrum of the measured series, interpolated in frequency, times complex normal numbers.
+    """
+    m = len(series)
+    if n <= m:
+        return series[:n].copy()
+    power = np.abs(np.fft.rfft(series - series.mean())) ** 2 / m
+    f = np.fft.rfftfreq(n)
+    amplitude = np.sqrt(np.interp(f, np.fft.rfftfreq(m), power) * n / 2)
+    draw = amplitude * (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f)))
+    draw[0] = 0.0
+    return np.fft.irfft(draw, n)

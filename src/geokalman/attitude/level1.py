@@ -1,0 +1,344 @@
+"""Reader of Level-1 files in ASCII: GRACE-FO's YAML headers and, through `legacy`, those of GRACE; every refusal names file and line."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from geokalman.attitude.products import GRACE_FO, KEYS, SECOND_FRACTIONS, Column
+
+END = "# End of YAML header"
+NAME = re.compile(r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<satellite>[A-Z])_(?P<version>\d{2})\.(txt|asc)$")
+MOST_BAD = 0.01
+FEWEST = 0.5
+NORM_REFUSED, NORM_EXACT = 1e-3, 1e-9
+CHUNK = 50_000  # lines that are converted at a time
+LONGEST = 40  # characters of a field
+FORMS = {
+    "int": re.compile(r"[+-]?[0-9]+\Z"),
+    "float": re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE),
+}
+
+
+class Level1Error(ValueError):
+    """A Level-1 file that cannot be used; the sentence names the file, the line where there is one, and the reason."""
+
+
+class Level1Warning(UserWarning):
+    """Something in a Level-1 file that was mended or left out."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """The records of one file: columns name -> (n,) int64, float64 or str, and the notes on what was mended or left out."""
+
+    path: Path
+    product: str
+    satellite: str
+    date: str
+    columns: dict[str, np.ndarray]
+    notes: tuple[str, ...] = ()
+    header: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def stacked(self, *names: str) -> np.ndarray:
+        """Several columns beside one another (n, len(names)) in float64."""
+        return np.stack([self.columns[name].astype(float) for name in names], axis=1)
+
+    def where(self, keep: np.ndarray) -> Table:
+        """The records at which `keep` (n,) is true."""
+        return Table(self.path, self.product, self.satellite, self.date, {k: v[keep] for k, v in self.columns.items()}, self.notes, self.header)
+
+
+def read(path: Path | str, product: str | None = None, satellite: str | None = None, date: str | None = None) -> Table:
+    """Read one GRACE-FO file, `PPPPP_YYYY-MM-DD_S_VV.txt`.
+
+    product, satellite, date : what is expected; another one is refused. Columns follow the header's `variables` where they
+    name those that are needed; unknown columns are left out. Bad records are left out, counted and warned of.
+    Raises Level1Error: no or broken header, wrong product, satellite or date, missing columns, more than 1 % bad records,
+    fewer than half of the records that the header promises; FileNotFoundError.
+    """
+    path = Path(path)
+    parts = split_name(path)
+    for what, wanted in (("product", product), ("satellite", satellite), ("date", date)):
+        if wanted is not None and parts[what] != wanted:
+            raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
+    if parts["product"] not in GRACE_FO:
+        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE_FO)}.")
+    with open(path, encoding="utf-8", errors="replace") as stream:
+        header, first = _header(path, stream)
+        _agree(path, parts, header)
+        schema = _schema(path, parts["product"], header)
+        promised = _promised(path, header)
+        return records(path, parts, stream, first, schema, promised, header)
+
+
+def split_name(path: Path) -> dict[str, str]:
+    """Product, date, satellite and version in a file's name. Raises Level1Error where it is none of a Level-1 file."""
+    found = NAME.match(path.name)
+    if not found:
+        raise Level1Error(f"{path}: the name is not PPPPP_YYYY-MM-DD_S_VV.txt; product, date and satellite are read from it.")
+    return found.groupdict()
+
+
+def _header(path: Path, stream: Iterator[str]) -> tuple[dict[str, Any], int]:
+    """The YAML header and the number of the first line after it."""
+    lines = []
+    for number, line in enumerate(stream, 1):
+        if line.strip() == END:
+            break
+        lines.append(line)
+        if number > 5000:
+            break
+    else:
+        number = 0
+    if not lines or number > 5000 or number == 0:
+        raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE-FO Level-1 file in ASCII, or it is cut short.")
+    try:
+        content = yaml.load("".join(lines), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f", line {mark.line + 1}" if mark else ""
+        raise Level1Error(f"{path}{where}: the header is not YAML ({str(error).splitlines()[0]}).") from None
+    header = content.get("header") if isinstance(content, dict) else None
+    if not isinstance(header, dict):
+        raise Level1Error(f"{path}, line 1: the YAML header has no mapping `header`.")
+    return header, number + 1
+
+
+def _agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
+    """Refuse a header that belongs to another product, satellite or day than the name says."""
+    attributes = header.get("global_attributes")
+    attributes = attributes if isinstance(attributes, dict) else {}
+    for key in ("title", "id", "product_name"):
+        named = re.findall(r"\b(?:SCA1[AB]|QSA1B|IMU1[AB]|TIM1B|CLK1B|ACT1B|GN[IV]1B|KBR1B|VKB1B)\b", str(attributes.get(key, "")))
+        if named and parts["product"] not in named:
+            raise Level1Error(f"{path}: the header's {key} says {named[0]}, the file name {parts['product']}.")
+    platform = re.findall(r"GRACE(?:-FO)?[ -_]?([CD])\b", str(attributes.get("platform", "")))
+    if len(platform) == 1 and parts["satellite"] in "CD" and platform[0] != parts["satellite"]:
+        raise Level1Error(f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}.")
+    start, stop = (str(attributes.get(f"time_coverage_{word}", ""))[:10] for word in ("start", "stop"))
+    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= (stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start):
+        raise Level1Error(f"{path}: the header covers {start} to {stop or start}, the file name says {parts['date']}.")
+
+
+def _schema(path: Path, product: str, header: dict[str, Any]) -> list[Column | None]:
+    """Columns in the order of the file: by the header's variables where present, else as known; None is left out."""
+    known = GRACE_FO[product]
+    variables = header.get("variables")
+    if not isinstance(variables, list) or not variables:
+        return list(known)
+    names = []
+    for entry in variables:
+        if isinstance(entry, dict) and len(entry) == 1 and "name" not in entry:
+            names.append(str(next(iter(entry))))
+        else:
+            names.append(str(entry.get("name", "")) if isinstance(entry, dict) else str(entry))
+    by_name = {column.name: column for column in known}
+    missing = [name for name in by_name if name not in names]
+    if missing:
+        raise Level1Error(f"{path}: the header's variables lack {', '.join(missing)}, which {product} needs.")
+    if len(set(names)) < len(names):
+        raise Level1Error(f"{path}: the header names the variable {max(names, key=names.count)} twice.")
+    return [by_name.get(name) for name in names]
+
+
+def _promised(path: Path, header: dict[str, Any]) -> int | None:
+    dimensions = header.get("dimensions")
+    promised = dimensions.get("num_records") if isinstance(dimensions, dict) else None
+    if promised is None:
+        return None
+    if isinstance(promised, bool) or not isinstance(promised, int) or promised < 0:
+        raise Level1Error(f"{path}: num_records is {promised!r}, it must be a number of records.")
+    return promised
+
+
+def records(
+    path: Path, parts: dict[str, str], stream: Iterator[str], first: int, schema: Sequence[Column | None], promised: int | None, header: dict
+) -> Table:
+    """Parse, check and order the records that follow a header; `first` is the number of their first line in the file."""
+    pieces: list[dict[str, np.ndarray]] = []
+    bad: list[tuple[int, str]] = []
+    number, lines = first, []
+    total, unfinished = 0, False
+
+    def flush() -> None:
+        nonlocal lines
+        if lines:
+            pieces.append(_parse(lines, schema, bad))
+            lines = []
+
+    for line in stream:
+        if line.strip():
+            lines.append((number, line))
+            total += 1
+            unfinished = not line.endswith("\n")
+            if len(lines) >= CHUNK:
+                flush()
+        number += 1
+    notes: list[str] = []
+    if unfinished and lines and _fault(lines[-1][1].split(), schema):
+        lines.pop()
+        total -= 1
+        notes.append(f"line {number - 1} is cut short and was left out")
+    flush()
+    columns = {c.name: np.concatenate([p[c.name] for p in pieces]) if pieces else _empty(c) for c in schema if c is not None}
+    if bad:
+        where = "; ".join(f"line {n}: {why}" for n, why in bad[:5])
+        if len(bad) > MOST_BAD * total:
+            raise Level1Error(f"{path}, {where}: {len(bad)} of {total} records are bad, more than {MOST_BAD:.0%}.")
+        notes.append(f"{len(bad)} bad record{'s' * (len(bad) > 1)} left out ({where})")
+    if promised is not None and total != promised:
+        if total < FEWEST * promised:
+            raise Level1Error(f"{path}: {total} records of the {promised} that the header promises, fewer than {FEWEST:.0%}.")
+        notes.append(f"{total} records, the header promises {promised}")
+    if not total:
+        raise Level1Error(f"{path}: no records after the header (line {first}).")
+    letters = columns.get("GRACEFO_id", columns.get("GRACE_id"))
+    if letters is not None and len(letters) and parts["satellite"] not in "XY" and (letters != parts["satellite"]).any():
+        k = int(np.argmax(letters != parts["satellite"]))
+        raise Level1Error(f"{path}: a record says satellite {letters[k]}, the file name {parts['satellite']}.")
+    columns = _in_order(parts["product"], columns, notes)
+    columns = _quaternions(columns, notes)
+    for note in notes:
+        warnings.warn(f"{path}: {note}.", Level1Warning, stacklevel=3)
+    return Table(path, parts["product"], parts["satellite"], parts["date"], columns, tuple(notes), header)
+
+
+def _empty(column: Column) -> np.ndarray:
+    return np.empty(0, {"int": np.int64, "float": float}.get(column.kind, str))
+
+
+def _parse(lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]) -> dict[str, np.ndarray]:
+    """Columns of a chunk of lines: converted whole where every field is sound, else without the bad records."""
+    try:
+        return _convert([line for _, line in lines], schema)
+    except ValueError:
+        pass
+    good = []
+    for number, line in lines:
+        fault = _fault(line.split(), schema)
+        if fault:
+            bad.append((number, fault))
+        else:
+            good.append(line)
+    return _convert(good, schema)
+
+
+def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
+    """Columns of sound records. Raises ValueError, without saying which, where one is not; `_fault` says why."""
+    if not lines:
+        return {c.name: _empty(c) for c in schema if c is not None}
+    if not all(map(str.isascii, lines)):  # numpy takes some letters of other scripts for digits
+        raise ValueError
+    kinds = {"int": "i8", "float": "f8"}
+    dtype = [(f"{k}", kinds.get(c.kind, f"U{LONGEST + 1}") if c else f"U{LONGEST + 1}") for k, c in enumerate(schema)]
+    table = np.loadtxt(lines, dtype=dtype, comments=None, ndmin=1)
+    if len(table) != len(lines):
+        raise ValueError
+    out = {}
+    for k, column in enumerate(schema):
+        if column is None:
+            continue
+        values = np.ascontiguousarray(table[f"{k}"])
+        if column.kind == "float" and not np.isfinite(values).all():
+            raise ValueError
+        if column.kind in ("text", "flags"):
+            distinct = np.unique(values)
+            if any(len(text) > LONGEST or (column.kind == "flags" and text.strip("01")) for text in distinct):
+                raise ValueError
+            values = values.astype(f"U{max(len(text) for text in distinct)}")
+        modulus = SECOND_FRACTIONS.get(column.name)
+        if modulus and ((values < 0) | (values >= modulus)).any():
+            raise ValueError
+        out[column.name] = values
+    if "quatangle" in out and not (np.abs(_norm(out) - 1.0) <= NORM_REFUSED).all():
+        raise ValueError
+    return out
+
+
+def _norm(columns: dict[str, np.ndarray]) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        return np.sqrt(sum(columns[name] ** 2 for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")))
+
+
+def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
+    """Why a record is bad, or an empty string."""
+    if len(row) != len(schema):
+        return f"{len(row)} columns, {len(schema)} are expected"
+    for k, (column, text) in enumerate(zip(schema, row, strict=True), 1):
+        if len(text) > LONGEST:
+            return f"column {k} is {len(text)} characters long, {text[:30]!r}..."
+        if not text.isascii():
+            return f"column {k} is {text[:30]!r}, not ASCII"
+        if column is None:
+            continue
+        form = FORMS.get(column.kind)
+        if form and not form.match(text):
+            return f"column {k} ({column.name}) is {text[:30]!r}, not {'an integer' if column.kind == 'int' else 'a number'}"
+        value = int(text) if column.kind == "int" else float(text) if column.kind == "float" else 0
+        if column.kind == "int" and not -(2**63) <= value < 2**63:
+            return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
+        if column.kind == "float" and not np.isfinite(value):
+            return f"column {k} ({column.name}) is {text[:30]}"
+        if column.kind == "flags" and text.strip("01"):
+            return f"column {k} ({column.name}) is {text[:30]!r}, not a string of 0 and 1"
+        modulus = SECOND_FRACTIONS.get(column.name)
+        if modulus and not 0 <= value < modulus:
+            return f"column {k} ({column.name}) is {text[:30]}, outside 0 to {modulus - 1}"
+    if not any(c is not None and c.name == "quatangle" for c in schema):
+        return ""
+    norm = float(_norm(_named(row, schema)))
+    return "" if abs(norm - 1.0) <= NORM_REFUSED else f"the quaternion has the norm {norm:g}"
+
+
+def _named(row: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
+    return {c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c is not None and c.kind == "float"}
+
+
+def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, np.ndarray]:
+    """Records by increasing time; of records with the same keys the first stays."""
+    keys = KEYS.get(product)
+    if keys is None or len(columns[keys[0]]) < 2:
+        return columns
+    series = [columns[key] for key in keys]
+    order = np.lexsort(series[::-1])
+    if (order != np.arange(len(order))).any():
+        time = series[:2] if len(series) > 1 and keys[1] in SECOND_FRACTIONS else series[:1]
+        back = int(sum(1 for _ in np.flatnonzero(np.diff(time[0]) < 0)))
+        if back:
+            notes.append(f"time runs backwards at {back} place{'s' * (back > 1)}; the records were sorted")
+    columns = {name: values[order] for name, values in columns.items()}
+    same = np.ones(len(order) - 1, bool)
+    for key in keys:
+        same &= columns[key][1:] == columns[key][:-1]
+    if same.any():
+        notes.append(f"{int(same.sum())} duplicate time tag{'s' * (int(same.sum()) > 1)}; the first record of each was kept")
+        keep = np.concatenate([[True], ~same])
+        columns = {name: values[keep] for name, values in columns.items()}
+    return columns
+
+
+def _quaternions(columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, np.ndarray]:
+    """Normalise quaternions whose norm is off by 1e-9 to 1e-3."""
+    if "quatangle" not in columns or not len(columns["quatangle"]):
+        return columns
+    norm = _norm(columns)
+    off = np.abs(norm - 1.0) > NORM_EXACT
+    if off.any():
+        notes.append(f"{int(off.sum())} quaternion{'s' * (int(off.sum()) > 1)} with a norm off by up to {np.abs(norm - 1).max():.1e} normalised")
+        for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"):
+            columns[name] = np.where(off, columns[name] / norm, columns[name])
+    return columns

@@ -1,0 +1,126 @@
+"""Real (or written) Level-1 files to the arrays that the simulation gives: raw sensors in GPS time, orbits, accelerations."""
+
+from __future__ import annotations
+
+import datetime
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from geokalman.attitude.level1 import Level1Error, Level1Warning, Table, read
+from geokalman.attitude.model import Array, Raw, mounting
+from geokalman.attitude.timetags import clock, seconds
+from geokalman.attitude.write import gps_second
+from geokalman.physics.quaternion import normalise
+
+QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
+WORST_CONFIDENCE = 5
+SAME_EPOCH = 1e-3  # s: rows of different cameras so near each other are one exposure
+
+
+def dates(folder: Path | str) -> list[str]:
+    """Dates, YYYY-MM-DD, of the SCA1A files in a folder."""
+    return sorted({path.name[6:16] for path in Path(folder).glob("SCA1A_????-??-??_?_??.txt")})
+
+
+def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
+    """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked for."""
+    found = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt"))
+    if not found:
+        raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_VV.txt; the archive of that day holds it.")
+    return found[-1]
+
+
+def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
+    """Sensors of one satellite on one day, in GPS time, and which camera epochs stand at an edge of the clock (n,).
+
+    Cameras are taken where sca_confid <= 5; TIM1B and CLK1B of the neighbouring days are used where they are in the folder
+    and, where not, the edges are marked. Raises Level1Error as the readers do.
+    """
+    day = datetime.date.fromisoformat(date)
+    around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 0, 1)]
+    origin = gps_second(date)
+    sca, imu = (read(find(folder, product, satellite, date), product, satellite, date) for product in ("SCA1A", "IMU1A"))
+    tables: dict[str, list[Table]] = {}
+    for product in ("TIM1B", "CLK1B"):
+        files = [find(folder, product, satellite, date)]
+        files += [p for other in (around[0], around[2]) for p in sorted(Path(folder).glob(f"{product}_{other}_{satellite}_??.txt"))[-1:]]
+        tables[product] = [read(path, product, satellite) for path in files]
+    time = clock(tables["TIM1B"], tables["CLK1B"], origin)
+    q_qsa = qsa(folder, satellite, date)
+    sca = sca.where(sca["sca_confid"] <= WORST_CONFIDENCE)
+    if not len(sca):
+        raise Level1Error(f"{sca.path}: no record with sca_confid <= {WORST_CONFIDENCE} is left.")
+    t, edge = time.gps(seconds(sca["rcvtime_intg"], sca["rcvtime_frac"], 10**6, origin))
+    t_camera, q_camera, first = _by_camera(t, sca["sca_id"], sca.stacked(*QUATERNION))
+    t_all, _ = time.gps(seconds(imu["time_intg"], imu["time_frac"], 10**6, origin))
+    t_gyro, gyro = _by_axis(t_all, imu["gyro_id"], imu["FiltAng"], imu.path)
+    return Raw(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, gyro), edge[first]
+
+
+def qsa(folder: Path | str, satellite: str, date: str) -> Array:
+    """Mounting quaternions (3, 4) of the cameras from QSA1B (its last row of each), or those of the model, with a warning."""
+    try:
+        table = read(find(folder, "QSA1B", satellite, date), "QSA1B", satellite)
+    except Level1Error as error:
+        warnings.warn(f"{error} The mounting of GRACE-C that the book holds is used.", Level1Warning, stacklevel=2)
+        return mounting()
+    out = np.empty((3, 4))
+    for camera, mask in enumerate((1, 2, 4)):
+        rows = np.flatnonzero(table["sca_id"] == mask)
+        if not len(rows):
+            rows = np.flatnonzero(table["sca_id"] == camera + 1)  # some files number the cameras instead
+        if not len(rows):
+            raise Level1Error(f"{table.path}: camera {camera + 1} is missing.")
+        out[camera] = table.stacked(*QUATERNION)[rows[-1]]
+    return normalise(out)
+
+
+def _by_camera(t: Array, camera: np.ndarray, q: Array) -> tuple[Array, Array, np.ndarray]:
+    """Rows of interleaved cameras to (n,) epochs and (3, n, 4) quaternions, and the first row of each epoch."""
+    order = np.argsort(t, kind="stable")
+    t, camera, q = t[order], camera[order], q[order]
+    new = np.concatenate([[True], np.diff(t) > SAME_EPOCH])
+    epoch = np.cumsum(new) - 1
+    out = np.full((3, int(epoch[-1]) + 1, 4), np.nan)
+    for i in range(3):
+        mine = camera == i + 1
+        out[i, epoch[mine]] = q[mine]
+    return t[new], out, order[new]
+
+
+def _by_axis(t: Array, axis: np.ndarray, angle: Array, path: Path) -> tuple[Array, Array]:
+    """Rows of interleaved axes to (4, m) times and angles, padded with NaN; an axis without a row is all NaN."""
+    groups = [np.flatnonzero(axis == k) for k in (1, 2, 3, 4)]
+    m = max(len(group) for group in groups)
+    if m == 0:
+        raise Level1Error(f"{path}: no record of a gyro 1 to 4.")
+    times, angles = np.full((4, m), np.nan), np.full((4, m), np.nan)
+    for k, group in enumerate(groups):
+        group = group[np.argsort(t[group], kind="stable")]
+        times[k, : len(group)], angles[k, : len(group)] = t[group], angle[group]
+    return times, angles
+
+
+def orbit(folder: Path | str, satellite: str, date: str, product: str = "GNI1B") -> tuple[Array, Array, Array]:
+    """Times (n,) [s after the day's start], positions and velocities (n, 3) in the ICRF, from GNI1B.
+
+    Raises Level1Error for Earth-fixed states (coord_ref E, as GNV1B gives): they would need the Earth's rotation first.
+    """
+    table = read(find(folder, product, satellite, date), product, satellite, date)
+    if (table["coord_ref"] != "I").any():
+        k = int(np.argmax(table["coord_ref"] != "I"))
+        raise Level1Error(
+            f"{table.path}: coord_ref is {table['coord_ref'][k]} at {table['gps_time'][k]} s, inertial states (I) are needed; "
+            "give GNI1B, or turn GNV1B into the ICRF first."
+        )
+    t = (table["gps_time"] - gps_second(date)).astype(float)
+    return t, table.stacked("xpos", "ypos", "zpos"), table.stacked("xvel", "yvel", "zvel")
+
+
+def accelerations(folder: Path | str, satellite: str, date: str) -> tuple[Array, Array]:
+    """Times (n,) [s after the day's start] and linear accelerations (n, 3) [m/s^2] in the SRF, from ACT1B."""
+    table = read(find(folder, "ACT1B", satellite, date), "ACT1B", satellite, date)
+    t = (table["gps_time"] - gps_second(date)).astype(float)
+    return t, table.stacked("lin_accl_x", "lin_accl_y", "lin_accl_z")

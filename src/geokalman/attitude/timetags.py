@@ -1,0 +1,80 @@
+"""Time tags: on-board computer to receiver time by TIM1B, receiver to GPS time by CLK1B; integer seconds kept apart from fractions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geokalman.attitude.level1 import Level1Error, Table
+from geokalman.attitude.model import Array
+
+
+def flag_bits(flags: np.ndarray) -> np.ndarray:
+    """Quality flags, strings of 0 and 1 with bit 0 last, as integers (n,)."""
+    return np.array([int(text, 2) if text else 0 for text in flags], dtype=np.int64)
+
+
+def seconds(whole: np.ndarray, fraction: np.ndarray, per_second: int, origin: int) -> Array:
+    """Seconds after an integer origin, exact to 1e-11 s: the large integers are subtracted before anything becomes a float."""
+    return (np.asarray(whole, dtype=np.int64) - origin).astype(float) + np.asarray(fraction, dtype=np.int64) / per_second
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Offsets of GPS time from on-board time: both tables as (x, y) with x the time before, y what is to be added [s].
+
+    obc (n,), to_receiver (n,) : from TIM1B; receiver (m,), to_gps (m,) : from CLK1B; origin : integer GPS second of zero;
+    no_before, no_after (m,) : CLK1B flags: do not extrapolate before, after this point.
+    """
+
+    origin: int
+    obc: Array
+    to_receiver: Array
+    receiver: Array
+    to_gps: Array
+    no_before: np.ndarray
+    no_after: np.ndarray
+
+    def gps(self, obc: Array) -> tuple[Array, np.ndarray]:
+        """GPS times [s after the origin] of on-board times and which of them stand at an edge: beyond the tables, or in a
+        segment of the clock that must not be bridged. Edges are carried by the nearest offset and marked."""
+        receiver = obc + np.interp(obc, self.obc, self.to_receiver)
+        edge = (obc < self.obc[0]) | (obc > self.obc[-1])
+        gps = receiver + np.interp(receiver, self.receiver, self.to_gps)
+        k = np.searchsorted(self.receiver, receiver, side="right")
+        edge |= (k == 0) | (receiver > self.receiver[-1])
+        inner = np.clip(k, 1, max(len(self.receiver) - 1, 1))
+        if len(self.receiver) > 1:
+            broken = self.no_after[inner - 1] & self.no_before[inner]
+            between = (receiver > self.receiver[inner - 1]) & (receiver < self.receiver[inner])
+            edge |= broken & between
+        return gps, edge
+
+
+def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
+    """The clock of one satellite from its TIM1B and CLK1B files: of the day, and of its neighbours where they are there.
+
+    Undefined pairs (gpstime_intg = 0) and those with a flag of bit 3 or above are left out. Raises Level1Error where nothing
+    is left, and where on-board time does not increase.
+    """
+    obc, receiver = [], []
+    for table in tim:
+        good = (table["gpstime_intg"] != 0) & (flag_bits(table["qualflg"]) & 0b11111000 == 0)
+        obc.append((table["obdh_time"][good] - origin).astype(float))
+        receiver.append(seconds(table["gpstime_intg"][good], table["gpstime_frac"][good], 10**9, origin))
+    x, x_index = np.unique(np.concatenate(obc), return_index=True) if obc else (np.empty(0), np.empty(0, int))
+    if len(x) < 1:
+        raise Level1Error(f"{tim[0].path if tim else 'TIM1B'}: no usable pair of on-board and receiver time is left.")
+    y = np.concatenate(receiver)[x_index] - x
+    rcv, eps, before, after = [], [], [], []
+    for table in clk:
+        bits = flag_bits(table["qualflg"])
+        rcv.append((table["rcv_time"] - origin).astype(float))
+        eps.append(table["eps_time"])
+        before.append(bits & 0b10 != 0)
+        after.append(bits & 0b01 != 0)
+    u, index = np.unique(np.concatenate(rcv), return_index=True) if rcv else (np.empty(0), np.empty(0, int))
+    if len(u) < 1:
+        raise Level1Error(f"{clk[0].path if clk else 'CLK1B'}: no clock offset is left.")
+    return Clock(origin, x, y, u, np.concatenate(eps)[index], np.concatenate(before)[index], np.concatenate(after)[index])

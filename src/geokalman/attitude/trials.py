@@ -1,0 +1,107 @@
+"""Trials of the filter: gaps of all cameras, outliers, wrong starts, and rates in the place of summed increments."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.attitude import assess, estimate
+from geokalman.attitude.estimate import Measured, Solution
+from geokalman.attitude.flight import Flight, Solved, reference
+from geokalman.attitude.gyro import Increments
+from geokalman.attitude.model import GYRO_HZ, Array, Tuning
+from geokalman.physics.quaternion import exp, multiply
+
+
+class Gap(NamedTuple):
+    """Errors (n, 3) and standard deviations (n, 3) [rad] of filter and smoother; first, last : epochs without a camera."""
+
+    error: dict[str, Array]
+    sigma: dict[str, Array]
+    first: int
+    last: int
+
+
+def with_gap(measured: Measured, first: int, count: int) -> Measured:
+    """The same without any camera at `count` epochs from `first` on."""
+    z, R = measured.z.copy(), measured.R.copy()
+    z[first : first + count], R[first : first + count] = np.nan, np.nan
+    return measured._replace(z=z, R=R)
+
+
+def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: float, start_s: float) -> Gap:
+    """Filter and smoother over a gap of all cameras of gap_s from start_s after the first epoch on."""
+    first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
+    if not 0 < first < first + count < len(result.t):
+        raise ValueError(f"a gap of {gap_s:g} s from {start_s:g} s on does not lie inside {result.t[-1] - result.t[0]:g} s of data.")
+    forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
+    base = reference(trip, satellite, result)
+    solutions = {"mekf": forward, "rts": smooth}
+    return Gap(
+        {name: assess.error(x.q, base) for name, x in solutions.items()},
+        {name: np.sqrt(np.einsum("kii->ki", x.cov)) for name, x in solutions.items()},
+        first,
+        first + count - 1,
+    )
+
+
+class Outliers(NamedTuple):
+    """Rms errors (3,) [rad] with and without the gate, and how many of the outliers and of the sound updates it refused."""
+
+    gated: Array
+    ungated: Array
+    found: int
+    false_alarms: int
+
+
+def outliers(
+    trip: Flight, satellite: str, result: Solved, tuning: Tuning, count: int, size_rad: float, gate: float, rng: np.random.Generator
+) -> Outliers:
+    """Outliers of +-size on every axis with random signs, at random epochs of the combined quaternion."""
+    z = result.measured.z.copy()
+    keep = assess.inner(len(z), result.measured.dt)
+    seen = np.flatnonzero(np.isfinite(z[keep, 0])) + keep.start
+    where = rng.choice(seen, count, replace=False)
+    z[where] = multiply(z[where], exp(size_rad * rng.choice([-1.0, 1.0], (count, 3))))
+    spoiled = result.measured._replace(z=z)
+    base = reference(trip, satellite, result)
+    rms = {}
+    for word, limit in (("gated", gate), ("ungated", 0.0)):
+        solution = estimate.mekf(spoiled, replace(tuning, gate=limit))
+        rms[word] = assess.rms(assess.error(solution.q, base)[keep])
+        if word == "gated":
+            hit = np.zeros(len(z), bool)
+            hit[where] = True
+            found, false = int((solution.rejected & hit).sum()), int((solution.rejected & ~hit).sum())
+    return Outliers(rms["gated"], rms["ungated"], found, false)
+
+
+def wrong_start(
+    trip: Flight, satellite: str, result: Solved, tuning: Tuning, angle_rad: float, rng: np.random.Generator, seconds: int = 60, method: str = "mekf"
+) -> Array:
+    """Angle of the attitude error (seconds + 1,) [rad] after a start that is wrong by an angle about a random axis, P0 = 1 rad^2."""
+    base = reference(trip, satellite, result)
+    first = int(np.argmax(np.isfinite(result.measured.z[:, 0])))
+    axis = rng.standard_normal(3)
+    start = multiply(base[first], exp(angle_rad * axis / np.linalg.norm(axis)))
+    part = slice(first, first + seconds + 1)
+    short = result.measured._replace(z=result.measured.z[part], R=result.measured.R[part], d=result.measured.d[first : first + seconds])
+    run = estimate.mekf if method == "mekf" else estimate.akf7
+    solution: Solution = run(short, replace(tuning, p0_attitude=1.0), start=start)
+    return np.linalg.norm(assess.error(solution.q, base[part]), axis=1)
+
+
+def decimated(increments: Increments) -> Array:
+    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate, without summing: what a filter that takes rates gets."""
+    return increments.d[: len(increments.d) // GYRO_HZ * GYRO_HZ : GYRO_HZ] * GYRO_HZ
+
+
+def five_point(increments: Increments) -> Array:
+    """Increments (n, 3) [rad] over 1 s from equation (1): the five-point rate at every whole second, without summing."""
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(increments.d, axis=0)])
+    inner = (-angle[4:] + 8 * angle[3:-1] - 8 * angle[1:-3] + angle[:-4]) * GYRO_HZ / 12
+    rates = np.concatenate([inner[:1], inner[:1], inner, inner[-1:], inner[-1:]])
+    n = len(increments.d) // GYRO_HZ
+    return rates[: n * GYRO_HZ : GYRO_HZ]

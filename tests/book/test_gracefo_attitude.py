@@ -1,0 +1,104 @@
+"""The notebooks of the attitude part at their quick scale, held against the specification; and each of them on a folder of files.
+
+Each test is one notebook, executed as `geokalman run` does; with xdist they run side by side.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import pytest
+from filelock import FileLock
+
+from geokalman.attitude import flight, write
+from geokalman.attitude.model import SATELLITES, Scenario
+from geokalman.files import project_root
+from geokalman.reproduce import execute, reference
+
+PAPER = "gracefo-attitude"
+ROOT = project_root(Path(__file__).parent)
+NOTEBOOKS = (
+    "01-single-cameras", "02-combination", "03-gyro", "04-pointing", "05-rates", "06-consistency", "07-acceleration", "08-antenna", "09-gravity",
+    "10-time-tags", "11-gaps", "12-mounting",
+)  # fmt: skip
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of flight take minutes in plain Python")
+
+
+@pytest.fixture(scope="session")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The run folder of a notebook at its quick scale; executed on first use, once for all workers of xdist."""
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+    folder = (base.parent if several else base) / PAPER
+    folder.mkdir(exist_ok=True)
+
+    def executed(name: str) -> Path:
+        out = folder / name
+        with FileLock(folder / f"{name}.lock"):
+            if not (out / "provenance.json").is_file():
+                threads = 1 if several else os.cpu_count()
+                execute.run(ROOT, f"{PAPER}/{name}", {}, out=out, quick=True, page=False, threads=threads)
+        return out
+
+    return executed
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_anchors_of_the_specification(run, name):
+    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
+    assert wanted, "every notebook has an anchor"
+    _, metrics, _ = reference.read_run(run(name))
+    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    assert not problems, "\n".join(problems)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_figures_are_drawn_twice_with_their_data(run, name):
+    folder = run(name)
+    figures = reference.read_run(folder)[0]["figures"]
+    assert figures
+    for figure in figures:
+        for suffix in ("light.png", "dark.png", "csv"):
+            assert (folder / "figures" / f"{figure}.{suffix}").stat().st_size > 100, f"{figure}.{suffix}"
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"),
+    [
+        ("04-pointing", [f"attitude_rms.{f}.{a}" for f in ("akf7", "mekf", "rts", "jpl_like") for a in ("roll", "pitch", "yaw")]),
+        ("05-rates", [f"rate_minus_imu.{f}.{a}" for f in ("akf7", "mekf", "rts", "jpl_like") for a in ("roll", "pitch", "yaw")]),
+        ("06-consistency", ["nis3.akf7", "nis3.mekf", "nis3.jpl_like", "nees3.akf7", "nees3.mekf", "nees3.rts", "nees3.jpl_like"]),
+        ("08-antenna", [f"kbr_rate_error.{f}" for f in ("akf7", "mekf", "rts", "jpl_like")]),
+    ],
+)
+def test_recorded_names(run, name, keys):
+    metrics = reference.read_run(run(name))[1]
+    assert not [key for key in keys if key not in metrics]
+
+
+def test_every_notebook_of_the_paper_is_here():
+    assert sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")) == list(NOTEBOOKS)
+
+
+@pytest.fixture(scope="session")
+def day(tmp_path_factory):
+    """A folder of Level-1 files of an hour and a half, written by the simulation."""
+    folder = tmp_path_factory.mktemp("day")
+    trip = flight.flight(Scenario(duration_s=5400.0), 5)
+    for s in SATELLITES:
+        write.write_raw(folder, trip.raw[s])
+        write.write_orbit(folder, s, trip.t, trip.r[s], trip.v[s])
+    return folder
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_every_notebook_takes_files(day, tmp_path, name):
+    folder = execute.run(ROOT, f"{PAPER}/{name}", {"data_dir": str(day)}, out=tmp_path / "out", quick=True, page=False, threads=1)
+    assert reference.read_run(folder)[1]
+
+
+def test_a_folder_without_files_says_so(tmp_path):
+    with pytest.raises(execute.ExecutionFailed, match=r"01-single-cameras: cell \[\d+\]: Level1Error: .*no SCA1A_YYYY"):
+        execute.run(ROOT, f"{PAPER}/01-single-cameras", {"data_dir": str(tmp_path)}, out=tmp_path / "out", quick=True, page=False, threads=1)
