@@ -44,7 +44,7 @@ def test_empty_name_is_egm96_and_degree_is_cut():
 
 
 def test_unknown_name_says_what_there_is():
-    with pytest.raises(FileNotFoundError, match="'EGM9': it is neither EGM96 nor JGM3 nor an ICGEM file"):
+    with pytest.raises(FileNotFoundError, match="'EGM9': it is neither EGM96 nor JGM3 nor .* nor an ICGEM file"):
         load_field("EGM9")
 
 
