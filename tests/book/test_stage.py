@@ -88,6 +88,18 @@ def test_each_notebook_has_a_label_of_its_own_for_its_verdicts() -> None:
     assert stage.label("toy/01-wave", "wave") == "wave"
 
 
+def test_a_name_of_a_figure_stands_once_in_the_book(toy_root: Path) -> None:
+    other = "toy/02-again"
+    shutil.copyfile(toy_root / f"book/{toybook.PAGE}.md", toy_root / f"book/{other}.md")
+    shutil.copytree(toy_root / RUN, toy_root / "book/_build/runs" / other)
+    contents = toy_root / "book/_toc.yml"
+    line = f"    - file: {toybook.PAGE}\n"
+    contents.write_text(contents.read_text().replace(line, f"{line}    - file: {other}\n"))
+    with pytest.raises(stage.StageError, match=f"'wave' names a figure or table of {toybook.PAGE} and .* {other}; rename"):
+        stage.stage(toy_root)
+    assert not (toy_root / "book/_build/site").exists()
+
+
 def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
     code = [cell for cell in staged(toy_root).cells if cell.cell_type == "code"]
     sources = "\n".join(cell.source for cell in code)

@@ -44,6 +44,7 @@ def stage(root: Path) -> Path:
             raise StageError(f"book/{name}.md is not in book/_toc.yml; add it there.")
     runs = {page: book / "_build" / "runs" / page for page in pages if page in names}
     _require_all(book, pages, runs)
+    _require_distinct_names(runs)
     with explained(site), alone(site):
         new = partial_path(site)
         new.mkdir()
@@ -127,6 +128,22 @@ def _require_all(book: Path, pages: list[str], runs: dict[str, Path]) -> None:
     missing = [page for page, run in runs.items() if not (run / "notebook.ipynb").is_file()]
     if missing:
         raise StageError(f"not executed yet: {', '.join(missing)}; `geokalman build` (or make book) executes them.")
+
+
+def _require_distinct_names(runs: dict[str, Path]) -> None:
+    """Figures and tables are cross-referenced by name from everywhere, so a name stands once in the whole book."""
+    owner: dict[str, str] = {}
+    for page, run in runs.items():
+        for cell in nbformat.read(run / "notebook.ipynb", as_version=4).cells:
+            for output in cell.get("outputs", []):
+                data = output.get("data", {})
+                for record in (data[kind] for kind in (FIGURE_TYPE, TABLE_TYPE) if kind in data):
+                    name = label(page, record["name"])
+                    if name in owner:
+                        raise StageError(
+                            f"{name!r} names a figure or table of {owner[name]} and another of {page}; rename one."
+                        )
+                    owner[name] = page
 
 
 def _copy_assets(book: Path, new: Path) -> None:
