@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from geokalman.reproduce import stage
+from geokalman.reproduce import contents
 
 pytestmark = pytest.mark.browser
 
@@ -98,8 +98,7 @@ def none_of(visits: list[Visit], what: Callable[[Visit], object]) -> None:
 
 
 def test_every_page_of_the_contents_is_there(visits: list[Visit], book: Path) -> None:
-    contents = book.parent / "site" / "_toc.yml"
-    wanted = {f"{name}.html" for name in stage.toc_pages(contents)}
+    wanted = {f"{name}.html" for name in contents.pages(book.parent / "site" / "_toc.yml")}
     assert "index.html" in wanted and wanted | {"search.html"} <= {visit.page for visit in visits}
 
 

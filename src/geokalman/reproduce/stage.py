@@ -14,10 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
-import yaml
 from filelock import FileLock
 
-from geokalman.reproduce import notebooks, pagefoot
+from geokalman.reproduce import contents, notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
 from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
@@ -37,7 +36,7 @@ def stage(root: Path) -> Path:
     page, a run or a part of a run is missing.
     """
     book, site = root / "book", root / "book" / "_build" / "site"
-    pages = toc_pages(book / "_toc.yml")
+    pages = contents.pages(book / "_toc.yml")
     names = notebooks.names(root)
     for name in names:
         if name not in pages:
@@ -72,23 +71,6 @@ def alone(target: Path) -> Iterator[None]:
             yield
         finally:
             sweep(target.parent)
-
-
-def toc_pages(toc: Path) -> list[str]:
-    """Names (no suffix) of the pages that the table of contents lists, in its order."""
-    found: list[str] = []
-
-    def walk(node) -> None:
-        if isinstance(node, list):
-            for item in node:
-                walk(item)
-        elif isinstance(node, dict):
-            found.extend(str(node[key]) for key in ("root", "file") if key in node)
-            for key in ("parts", "chapters", "sections", "entries", "subtrees"):
-                walk(node.get(key, []))
-
-    walk(yaml.safe_load(toc.read_text(encoding="utf-8")))
-    return found
 
 
 def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
