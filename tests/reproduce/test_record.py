@@ -261,3 +261,10 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]
     assert "Verdict" not in record["header"] and "nothing is judged" in record["caption"]
+
+
+@pytest.mark.parametrize(
+    "unit, text", [("m/s^2", "m/s²"), ("us", "µs"), ("rad/s", "rad/s"), ("urad", "µrad"), ("s^-2", "s⁻²"), ("", "")]
+)
+def test_units_for_readers(unit, text):
+    assert display.unit_text(unit) == text
