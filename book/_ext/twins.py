@@ -57,7 +57,7 @@ class VerdictBadge(SphinxTransform):
         names = [entry.astext().strip().lower().replace(" ", "-") for entry in head.findall(nodes.entry)]
         for row in next(iter(group.findall(nodes.tbody))).findall(nodes.row):
             for name, entry in zip(names, row.children, strict=True):
-                entry["classes"].append(f"claim-{name}")
+                entry["classes"].append(f"claim-{name}" if entry.astext().strip() else "claim-nothing")
 
 
 def setup(app) -> dict:

@@ -222,12 +222,14 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
         ours, holds = _compare(claim.compare, values, units)
         why = ""
     if not holds:
-        return Judgement(claim, ours, "not-reproduced", claim.reason or why)
-    if claim.calibrated:
-        return Judgement(claim, ours, "calibrated", claim.calibrated)
-    if claim.assumes:
-        return Judgement(claim, ours, "under-interpretation", claim.assumes)
-    return Judgement(claim, ours, "reproduced", why)
+        verdict, words = "not-reproduced", claim.reason
+    elif claim.calibrated:
+        verdict, words = "calibrated", claim.calibrated
+    elif claim.assumes:
+        verdict, words = "under-interpretation", claim.assumes
+    else:
+        verdict, words = "reproduced", None
+    return Judgement(claim, ours, verdict, "; ".join(filter(None, (words, why))))
 
 
 def _compare(
@@ -325,7 +327,7 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
     if not judge:
         caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
     rows = [row(j, judge) for j in judgements]
-    keep = [k for k, name in enumerate(HEADER) if name in HEADER[:3] or any(r[k] for r in rows)]
+    keep = [k for k, name in enumerate(HEADER) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
     return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
 
 
