@@ -1,4 +1,5 @@
-"""Figures of the orbit, the observables, the covariances and the Monte Carlo; those of the correlator stand in `plane_figures`.
+"""Figures of the orbit, the observables, the covariances and the Monte Carlo; those of the correlator stand in
+`plane_figures`.
 
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
@@ -22,7 +23,9 @@ US, RATE = 1e6, 1e10
 
 
 def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure:
-    """The orbit (n, 3) [m] in its own plane and seen edge-on; arcs: name -> (k, 3) parts of it; source (3,) unit vector."""
+    """The orbit (n, 3) [m] in its own plane and seen edge-on; arcs: name -> (k, 3) parts of it; source (3,) unit
+    vector.
+    """
     normal = np.cross(orbit[0], orbit[len(orbit) // 8])
     normal /= np.linalg.norm(normal)
     perigee = orbit[np.argmin(np.linalg.norm(orbit, axis=1))]
@@ -200,6 +203,34 @@ def sweep(scale: Array, delay: Array, rate: Array, label: str) -> Figure:
     return figure
 
 
+def ellipses(covariances: Mapping[str, Array], source: Array) -> Figure:
+    """One-sigma ellipses of the position in the plane of the sky, and seen from the side.
+
+    covariances: method of `style.METHODS` -> (3, 3) [m^2] in radial, east and north; source (3,): unit vector in the
+    same axes.
+    """
+    figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.9))
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    for panel, pair, labels in (
+        (panels[0], (1, 2), ("east [km]", "north [km]")),
+        (panels[1], (1, 0), ("east [km]", "radial [km]")),
+    ):
+        for name, cov in covariances.items():
+            # the root by eigenvectors: the ellipse may be a thousand times as long as it is wide
+            values, vectors = np.linalg.eigh(cov[np.ix_(pair, pair)])
+            x, y = 1e-3 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ np.array([np.cos(angle), np.sin(angle)])
+            method = METHODS[name]
+            panel.plot(x, y, color=method.colour, linestyle=method.line, label=method.label)
+        size = 1e-3 * np.sqrt(max(np.trace(cov) for cov in covariances.values()) / 3.0)
+        ray = np.outer([0.0, size], source[list(pair)] / np.linalg.norm(source[list(pair)]))
+        panel.plot(ray[:, 0], ray[:, 1], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
+        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
+    panels[0].set_title("plane of the sky", loc="left")
+    panels[1].set_title("from the side", loc="left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
 def plain_logarithm(axis: Axis) -> None:
     """Write the ticks of a logarithmic axis as plain numbers, and more of them where it spans less than two decades."""
     low, high = axis.get_view_interval()
@@ -221,7 +252,9 @@ def scans(
     rate: Mapping[str, Array],
     printed: tuple[tuple[float, float], tuple[float, float]] | None = None,
 ) -> Figure:
-    """Size of delay [s] and rate [s/s] at the scans, (runs, scans): medians and bands of 16 to 84 %; printed: (delay, rate) of both orbits."""
+    """Size of delay [s] and rate [s/s] at the scans, (runs, scans): medians and bands of 16 to 84 %; printed: (delay,
+    rate) of both orbits.
+    """
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.5))
     for panel, data, factor, unit, k in (
         (panels[0], delay, US, "|residual delay| [µs]", 0),
@@ -301,7 +334,9 @@ def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
 
 
 def divergence(t: Array, position: Array, velocity: Array) -> Figure:
-    """Distance of the literal prediction from the integrated orbit: position [m] and velocity [m/s] against time [s]."""
+    """Distance of the literal prediction from the integrated orbit: position [m] and velocity [m/s] against time
+    [s].
+    """
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.2))
     for panel, values, unit, name in (
         (panels[0], position, "position error [m]", "prior"),
@@ -317,7 +352,8 @@ def corrections(
 ) -> Figure:
     """Figure 5: correction of the orbit, filter minus a priori, against UTC [s].
 
-    difference (runs, k, 3) and radius (runs, k) [m]; printed: axis -> range of the figure [m]; middle: the run that is drawn as a line.
+    difference (runs, k, 3) and radius (runs, k) [m]; printed: axis -> range of the figure [m]; middle: the run that
+    is drawn as a line.
     """
     figure, panels = plt.subplots(2, 2, figsize=(7.2, 5.0), sharex=True)
     for k, (panel, name) in enumerate(zip(panels.ravel(), ("dX", "dY", "dZ", "dR"), strict=True)):

@@ -55,7 +55,9 @@ def scan_snr(
     flagged: Sequence[int] = (),
     labels: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Figures 2(a), 3 and 4(a): SNR of the scans, (scans,) or (runs, scans); printed: name -> range; flagged: scans left out."""
+    """Figures 2(a), 3 and 4(a): SNR of the scans, (scans,) or (runs, scans); printed: name -> range; flagged: scans
+    left out.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in snr.items():
         values = np.atleast_2d(values).astype(float)
