@@ -105,6 +105,13 @@ def correction(prior: Array, post: Array, source: Array) -> Correction:
     return Correction(np.linalg.norm(d, axis=-1), np.abs(along), np.linalg.norm(d - along[..., None] * source, axis=-1))
 
 
+def rarity(draws: Array, value: Array) -> float:
+    """Share of draws (n, k) of an error of mean zero that lie as far out as a value (k,), by their Mahalanobis distance."""
+    root = np.linalg.cholesky(draws.T @ draws / len(draws))
+    distances = np.sum(np.linalg.solve(root, draws.T) ** 2, axis=0)
+    return float(np.mean(distances >= np.sum(np.linalg.solve(root, value) ** 2)))
+
+
 def delay_of(difference: Array, ra: float, dec: float) -> Array:
     """The paper's equation (Fig. 5): dtau = (dX cos(dec) cos(ra) + dY cos(dec) sin(ra) + dZ sin(dec))/c [s]; (..., 3)
     [m], rad.

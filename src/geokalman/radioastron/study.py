@@ -192,6 +192,20 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
     }
 
 
+def scan_columns(runs: Mapping[str, Runs]) -> dict[str, Array]:
+    """Columns for a figure of the scans: median, 16 and 84 % points of the size of delay [s] and rate [s/s], by orbit."""
+    columns: dict[str, Array] = {}
+    for name, r in runs.items():
+        for kind, values in (("delay_s", r.scan_delay), ("rate", r.scan_rate)):
+            low, middle, high = np.quantile(np.abs(values), [0.16, 0.5, 0.84], axis=0)
+            columns |= {
+                f"{name}_{kind}_median": middle,
+                f"{name}_{kind}_16_percent": low,
+                f"{name}_{kind}_84_percent": high,
+            }
+    return {"scan": np.arange(1.0, len(next(iter(columns.values()))) + 1.0)} | columns
+
+
 def linear_runs(sample: Sample, gradient: Array, source: Array) -> tuple[Runs, Runs]:
     """The draws of `formal.large_sample` as Runs before and after, for `summary`; what a linear draw has not is empty.
 
