@@ -55,8 +55,9 @@ def bars(
     label: str,
     log: bool = True,
     styles: Sequence[str] = ("prior", "ekf", "batch", "naive"),
+    errors: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Figure:
-    """Values side by side: row label -> (series -> value); label of the axis with its unit.
+    """Values side by side: row label -> (series -> value); label of the axis with its unit; errors likewise, one sigma.
 
     Bars from zero; on a logarithmic axis, where a bar has no beginning, dots.
     """
@@ -72,7 +73,11 @@ def bars(
         if log:
             axes.plot(values, place, color=method.colour, marker=method.marker, linestyle="none", label=name)
         else:
-            axes.barh(place, values, 0.9 * width, color=method.colour, label=name)
+            spread = None if errors is None else [errors[row][name] for row, group in groups.items() if name in group]
+            axes.barh(
+                place, values, 0.9 * width, xerr=spread, color=method.colour, ecolor=ink(), capsize=2, label=name,
+                error_kw={"linewidth": 0.9},
+            )  # fmt: skip
     axes.set_axisbelow(True)
     axes.set_yticks(range(len(groups)), list(groups))
     axes.invert_yaxis()

@@ -175,9 +175,9 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
     microseconds, fringe = 1e6, BANDS[band]
     delay, rate = assess.gain(prior.delay, post.delay), assess.gain(prior.rate, post.rate)
     return {
-        "delay_us.rms": (microseconds * assess.rms(post.delay), "us"),
-        "delay_us.rms_error": (microseconds * assess.standard_error(post.delay), "us"),
-        "delay_us.median": (microseconds * float(np.median(np.abs(post.delay))), "us"),
+        "delay_us.rms": (microseconds * assess.rms(post.delay), "µs"),
+        "delay_us.rms_error": (microseconds * assess.standard_error(post.delay), "µs"),
+        "delay_us.median": (microseconds * float(np.median(np.abs(post.delay))), "µs"),
         "rate.rms": (assess.rms(post.rate), "s/s"),
         "rate.rms_error": (assess.standard_error(post.rate), "s/s"),
         "rate.median": (float(np.median(np.abs(post.rate))), "s/s"),

@@ -34,9 +34,8 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def quantity(value: float, unit: str = "", digits: int = 4) -> str:
-    """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`, and `us` written µs."""
+    """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`."""
     raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
-    raised = re.sub(r"\bus\b", "µs", raised)
     return number(value, digits) + (_NBSP + raised if raised else "")
 
 
