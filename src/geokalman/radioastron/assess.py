@@ -106,7 +106,9 @@ def correction(prior: Array, post: Array, source: Array) -> Correction:
 
 
 def rarity(draws: Array, value: Array) -> float:
-    """Share of draws (n, k) of an error of mean zero that lie as far out as a value (k,), by their Mahalanobis distance."""
+    """Share of draws (n, k) of an error of mean zero that lie as far out as a value (k,), by their Mahalanobis
+    distance.
+    """
     root = np.linalg.cholesky(draws.T @ draws / len(draws))
     distances = np.sum(np.linalg.solve(root, draws.T) ** 2, axis=0)
     return float(np.mean(distances >= np.sum(np.linalg.solve(root, value) ** 2)))

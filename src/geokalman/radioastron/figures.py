@@ -1,5 +1,5 @@
-"""Figures of the observables, the covariances and the Monte Carlo; those of the orbit stand in `orbit_figures`, those of
-the correlator in `plane_figures`.
+"""Figures of the observables, the covariances and the Monte Carlo; those of the orbit stand in `orbit_figures`, those
+of the correlator in `plane_figures`.
 
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
@@ -161,6 +161,7 @@ def scans(
     delay: Mapping[str, Array],
     rate: Mapping[str, Array],
     printed: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> Figure:
     """Size of delay [s] and rate [s/s] at the scans, (runs, scans): medians and bands of 16 to 84 %; printed: (delay,
     rate) of both orbits.
@@ -172,10 +173,10 @@ def scans(
     ):
         for name, runs in data.items():
             x = np.arange(1, runs.shape[1] + 1)
-            _band(panel, x, np.abs(runs), name, factor, METHODS[name].label)
+            _band(panel, x, np.abs(runs), name, factor, (labels or {}).get(name, METHODS[name].label))
         if printed is not None and np.isfinite(printed[k]).all():
-            for value, name, word in zip(printed[k], ("prior", "ekf"), ("before", "after"), strict=True):
-                panel.axhline(factor * value, color=METHODS[name].colour, linewidth=1.2, linestyle=":")
+            for value, word in zip(printed[k], ("before", "after"), strict=True):
+                panel.axhline(factor * value, color=ink(), linewidth=1.6, linestyle=":", zorder=3)
                 panel.annotate(
                     f"printed, {word}" if printed[k][0] != printed[k][1] else "printed",
                     (x[0], factor * value),
@@ -230,8 +231,12 @@ def covariance_history(t: Array, sigmas: Array) -> Figure:
     return figure
 
 
-def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
-    """Share of runs whose gain exceeds a value, for several estimators; printed: the paper's gain."""
+def histogram(
+    gains: Mapping[str, Array], printed: float, label: str, labels: Mapping[str, str] | None = None
+) -> Figure:
+    """Share of runs whose gain exceeds a value, for several estimators; printed: the paper's gain; labels of
+    estimators.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.5))
     for name, values in gains.items():
         x = np.sort(values)
@@ -241,7 +246,7 @@ def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
             1.0 - np.arange(len(x)) / len(x),
             color=method.colour,
             linestyle=method.line,
-            label=method.label if name != "batch" else "two stations, biases estimated",
+            label=(labels or {}).get(name, method.label),
         )
     axes.axvline(printed, color=ink(), linestyle="--", linewidth=0.8, label="printed")
     axes.set(xscale="log", xlabel=label, ylabel="share of runs that gain more", ylim=(0, 1), xlim=(0.1, 1000))

@@ -71,7 +71,8 @@ def ground_track(longitude: Array, latitude: Array, stations: Mapping[str, tuple
     axes.plot(longitude[:1], latitude[:1], color=colour, marker="o", linestyle="none", label="where it begins")
     for k, (name, (x, y)) in enumerate(stations.items()):
         axes.plot(
-            x, y, color=METHODS["prior"].colour, marker="^", markersize=6, linestyle="none", label=None if k else "station"
+            x, y, color=METHODS["prior"].colour, marker="^", markersize=6, linestyle="none",
+            label=None if k else "station",
         )  # fmt: skip
         # neighbours, as Bear Lakes and Evpatoria are, would write over each other on one side
         side = {"xytext": (7, -4)} if k % 2 == 0 else {"xytext": (-7, -4), "ha": "right"}

@@ -57,7 +57,8 @@ def scan_snr(
 ) -> Figure:
     """Figures 2(a), 3 and 4(a): SNR of the scans, (scans,) or (runs, scans), with their median.
 
-    printed: name -> range; flagged: scans left out. The band holds 16 to 84 % of the runs, or all where they are fewer than ten.
+    printed: name -> range; flagged: scans left out. The band holds 16 to 84 % of the runs, or all where they are
+    fewer than ten.
     """
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in snr.items():
@@ -121,7 +122,7 @@ def losses(rates: Array, curves: Mapping[str, Array], printed: Sequence[float]) 
             label=label,
         )
     for k, value in enumerate(printed):
-        axes.axvline(1e10 * value, color=ink(), linestyle=":", linewidth=0.8, label="printed rates" if k == 0 else None)
+        axes.axvline(1e10 * value, color=ink(), linestyle=":", linewidth=1.6, label="printed rates" if k == 0 else None)
     axes.set(xlabel="residual delay rate [1e-10 s/s]", ylabel="SNR / SNR without residual", ylim=(0, 1.05))
     axes.legend()
     return figure

@@ -193,7 +193,9 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
 
 
 def scan_columns(runs: Mapping[str, Runs]) -> dict[str, Array]:
-    """Columns for a figure of the scans: median, 16 and 84 % points of the size of delay [s] and rate [s/s], by orbit."""
+    """Columns for a figure of the scans: median, 16 and 84 % points of the size of delay [s] and rate [s/s], by
+    orbit.
+    """
     columns: dict[str, Array] = {}
     for name, r in runs.items():
         for kind, values in (("delay_s", r.scan_delay), ("rate", r.scan_rate)):
