@@ -93,9 +93,9 @@ def test_parameters_of_the_contract(run, label, name, given, key, value, rel):
 
 def test_the_other_session_of_july_runs_too(run):
     """BB ends before the printed times of Figure 5 (BC's); its own window is taken, and BC is then the other one."""
-    folder = run("07-sessions-2012", "bb", session="BB", n_seeds=4, snr_seeds=2)
+    folder = run("07-sessions-2012", "bb", session="BB", n_seeds=2, snr_seeds=4)  # as many as there are
     metrics = reference.read_run(folder)[1]
-    assert 3.0 < metrics["prior.delay_us.rms"]["value"] < 15.0
+    assert 1.0 < metrics["prior.delay_us.rms"]["value"] < 20.0
     assert metrics["bc.snr.l.ekf.median"]["value"] > 20.0
     rows = [line.split(",") for line in (folder / "figures" / "r07-corrections.csv").read_text().splitlines()[1:]]
     assert float(rows[0][0]) == 12.5 * 3600 - 660 and float(rows[-1][0]) == 13.5 * 3600 + 900
@@ -110,7 +110,7 @@ def test_stations_and_source_act_on_every_study(run):
     )[1]
     for key in ("correction.dx_rms_m", "correction.along_m", "ekf.delay_us.rms", "printed.delay_dz_plus_us"):
         assert one[key]["value"] != pytest.approx(two[key]["value"], rel=1e-3), key
-    short = {"n_seeds": 3, "scales": [5.0]}
+    short = {"n_seeds": 3, "scales": [5.0, 5.0]}
     one = reference.read_run(run("08-estimators", "few", **short))[1]
     two = reference.read_run(
         run("08-estimators", "pair", stations=["Bear Lakes", "Ussuriysk"], source="east 10", **short)
@@ -130,6 +130,9 @@ def test_every_station_is_observed(run):
     ("04-session-l", {"source": "12:30, 10"}, "in hours"),
     ("03-observability", {"mean_anomaly_deg": 340.0}, "above the horizon of Bear Lakes"),
     ("02-measurements", {"terms": ["wind"]}, "term 'wind' is unknown"),
+    ("04-session-l", {"pair": ["Bear Lakes"]}, "fewer than two stations"),
+    ("10-literal", {"step_s": 0.001, "after_s": 86400.0}, "at most 1e5 steps"),
+    ("10-literal", {"step_s": 3600.0}, "at least one"),
 ])  # fmt: skip
 def test_a_wrong_parameter_is_said_in_a_sentence(tmp_path, name, given, words):
     with pytest.raises(Fault, match=words):
