@@ -18,28 +18,22 @@ from geokalman.pulsar.model import Array
 from geokalman.style import METHODS, Method, ink
 
 STYLES = {
-    "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf", "ukf": "ukf",
-    "rts": "rts", "ekf_tuned": "ekf", "igg": "exact",
+    "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf",
+    "ukf": "ukf", "rts": "rts", "ekf_tuned": "ekf", "igg": "exact",
 }  # fmt: skip
 """Name of a filter -> name of its style."""
 LABELS = {
-    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)", "aekf2": "AEKF2", "raekf": "RAEKF",
-    "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q", "igg": "EKF, IGG-III on innovations",
+    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)",
+    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q",
 }  # fmt: skip
 """Name of a filter -> how it is called in figures and tables."""
 AXES = "XYZ"
 
 
 _WORDS = (
-    ("RAEKF", "raekf"),
-    ("AEKF2", "aekf2"),
-    ("AEKF1", "aekf1"),
-    ("RTS", "rts"),
-    ("UKF", "ukf"),
-    ("EKF", "ekf"),
-    ("igg", "exact"),
-    ("Huber", "exact"),
-)
+    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
+    ("Huber", "exact"), ("EKF", "ekf"),
+)  # fmt: skip
 
 
 def _style(name: str) -> Method:
@@ -50,7 +44,7 @@ def _style(name: str) -> Method:
 
 def _round_ticks(axis: Axis, low: float, high: float) -> None:
     """Ticks in plain digits on a logarithmic axis that is not long enough for powers of ten alone."""
-    steps = (1, 2, 5) if high < 12.0 * low else (1, 3)
+    steps = (1, 2, 5) if high < 40.0 * low else (1, 3) if high < 2000.0 * low else (1,)
     ticks = [f * 10.0**k for k in range(-3, 7) for f in steps if low <= f * 10.0**k <= high]
     axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
     axis.set_minor_locator(NullLocator())
@@ -184,6 +178,7 @@ def seed_strip(
     )
     if log:
         axes.set_xscale("log")
+        _round_ticks(axes.xaxis, *axes.get_xlim())
     return figure
 
 
@@ -192,10 +187,8 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     for name, y in values.items():
         style = _style(name)
-        shade = {"aekf1_pr3": "x", "aekf1_pr2": "+"}.get(name, style.marker or "o")
-        axes.plot(
-            x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name)
-        )
+        marker, line = {"aekf1_pr3": ("x", ":"), "aekf1_pr2": ("+", "--")}.get(name, (style.marker or "o", style.line))
+        axes.plot(x, y, color=style.colour, linestyle=line, marker=marker, markersize=6, label=LABELS.get(name, name))
     axes.set(xlabel=xlabel, ylabel=ylabel, yscale="log")
     _round_ticks(axes.yaxis, *axes.get_ylim())
     if logx:
@@ -208,7 +201,7 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
 
 
 def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
-    """3-D RMS [m] and NIS per range of the EKF against the position noise of its process noise [m]."""
+    """3-D RMS [m] and NIS/7 of the EKF against the position part of its process noise [m]; the dots: least error."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
     style = METHODS["ekf"]
     left.loglog(q, d3, color=style.colour, marker=style.marker)
@@ -217,9 +210,10 @@ def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
     _round_ticks(left.yaxis, *left.get_ylim())
     right.loglog(q, nis, color=style.colour, marker=style.marker)
     right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
-    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS per range")
+    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS / 7")
     for axes in (left, right):
-        axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":")
+        axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":", label="least error")
+    right.legend()
     return figure
 
 
