@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from geokalman.reproduce import claims, display, graph, notebooks, reference
+from geokalman.reproduce import claims, contents, display, graph, notebooks, reference
 from geokalman.reproduce.errors import Fault
 
 
@@ -36,7 +36,8 @@ def check(root: Path) -> Report:
             )
         built.append(name)
         _check_reference(root, name, folder, report)
-    for paper in sorted({name.partition("/")[0] for name in names} | set(claims.papers(root))):
+    papers = {name.partition("/")[0] for name in names} | set(claims.papers(root))
+    for paper in sorted(papers, key=contents.order(root)):
         _check_anchors(root, paper, names, built, report)
         if paper in claims.papers(root):
             _check_claims(root, paper, report)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from geokalman.reproduce import display, yamltext
+from geokalman.reproduce import contents, display, yamltext
 from geokalman.reproduce.errors import Fault, Misuse
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
@@ -148,8 +148,9 @@ class Judgement(NamedTuple):
 
 
 def papers(root: Path) -> list[str]:
-    """Papers that have a ledger, sorted."""
-    return sorted(p.parent.name for p in (root / "book").glob("*/claims.yml") if not p.parent.name.startswith("_"))
+    """Papers that have a ledger, in the order of the book."""
+    found = (p.parent.name for p in (root / "book").glob("*/claims.yml") if not p.parent.name.startswith("_"))
+    return sorted(found, key=contents.order(root))
 
 
 def ledger(root: Path, paper: str) -> list[Claim]:
