@@ -1,4 +1,4 @@
-"""Real photons: numbers of the specification; synthetic ones with a known answer; FITS files that are damaged or say too little."""
+"""Real photons: numbers of the specification; synthetic ones with a known answer; FITS files that are damaged."""
 
 import gzip
 
@@ -104,11 +104,22 @@ def test_statistics_of_phases():
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 2), "from three pieces on"),
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 9), "piece 9 of 500 s has no photon"),
         (lambda t: photons.best_frequency(t, 6.59722, 1e-3), "end of the interval"),
+        (lambda t: photons.arrival_times(t, 100.0), "no pulsation within .* of 100 Hz: the largest Z.2, 6.* by chance"),
+        (lambda t: photons.arrival_times(t, 5.0), "no pulsation within 0.002 Hz of 5 Hz"),
     ],
 )
 def test_what_cannot_be_timed(rxte, call, match):
     with pytest.raises(ValueError, match=match):
         call(rxte[0].t)
+
+
+def test_where_a_parabola_has_fallen_by_one():
+    s = np.linspace(0.0, 2.0, 81)
+    low, high = photons.within_one(s, 600.0 - 20.0 * (s - 1.2) ** 2)
+    assert (low, high) == pytest.approx((1.2 - 20**-0.5, 1.2 + 20**-0.5), abs=2e-3)
+    for flat in (s, -s, np.ones(81)):
+        with pytest.raises(ValueError, match="does not fall by one on both sides"):
+            photons.within_one(s, flat)
 
 
 def card(key, value):
@@ -178,7 +189,8 @@ def test_a_single_mjdref_serves_too(tmp_path):
 def test_files_that_are_damaged_or_other(tmp_path):
     content = table(GOOD, [TIME], 2)
     for name, data, match in (
-        ("text", b"hello", "no FITS file"), ("cut", content[:5000], "truncated"), ("zip", gzip.compress(content)[:-20], "damaged or truncated"),
+        ("text", b"hello", "no FITS file"), ("cut", content[:5000], "truncated"),
+        ("zip", gzip.compress(content)[:-20], "damaged or truncated"),
         ("form", table(GOOD, [("TIME", "Z", TIME[2])], 2), "unknown format"),
     ):  # fmt: skip
         path = tmp_path / name

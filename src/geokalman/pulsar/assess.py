@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaincc
 
 from geokalman.kalman.consistency import nees
 from geokalman.physics import mars
@@ -103,6 +104,11 @@ def spread(scores: Sequence[Score]) -> Score:
     """Standard deviations over an ensemble (n - 1), zeros for a single run. Raises as `mean`."""
     values = _numbers(scores)
     return Score(*(values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])).tolist())
+
+
+def false_alarm(k0: float, dof: int) -> float:
+    """Chance that s = sqrt(chi^2_dof / dof) of a good prediction exceeds k0, so that its factor falls below 1."""
+    return float(gammaincc(0.5 * dof, 0.5 * dof * k0**2))
 
 
 def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:

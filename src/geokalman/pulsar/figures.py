@@ -87,10 +87,13 @@ def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
 
 
 def axis_errors(
-    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0
-) -> Figure:
-    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band; zoom > 0 limits the axis to +-
-    zoom."""
+    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0,
+    notes: Sequence[str] = ("", "", ""), mark: float | None = None,
+) -> Figure:  # fmt: skip
+    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
+
+    zoom > 0 limits the axis to +- zoom; notes stand above the panels on the right; mark: an epoch to draw a line at.
+    """
     figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
     style = METHODS["aekf1"]
     for j, panel in enumerate(panels):
@@ -106,6 +109,9 @@ def axis_errors(
         panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
         panel.axhline(0.0, color=ink(), linewidth=0.6)
         panel.set_ylabel(f"{names[j]} [{unit}]")
+        panel.set_title(notes[j], loc="right", fontsize=9)
+        if mark is not None:
+            panel.axvline(mark, color=ink(), linewidth=0.9, linestyle=":")
         if zoom:
             panel.set_ylim(-zoom, zoom)
     panels[-1].set_xlabel("epoch k, 500 s apart")
@@ -155,12 +161,18 @@ def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], pri
 
 
 def seed_strip(
-    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None
-) -> Figure:
-    """One row for each label: a point for every seed, and their mean; marks: label -> x of a vertical line."""
+    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None,
+    stopped: Mapping[str, int] | None = None,
+) -> Figure:  # fmt: skip
+    """One row for each label: a stroke for every seed, and their mean.
+
+    marks : label -> x of a vertical line; stopped : label -> runs without a stroke, told beside the label.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
     for k, (label, row) in enumerate(values.items()):
         style = _style(label)
+        if not len(row):
+            continue
         axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
         axes.plot(
             np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
@@ -173,7 +185,9 @@ def seed_strip(
     axes.set(
         xlabel=xlabel,
         yticks=range(len(values)),
-        yticklabels=[LABELS.get(n, n) for n in values],
+        yticklabels=[
+            LABELS.get(n, n) + (f" ({stopped[n]} stopped)" if stopped and stopped.get(n) else "") for n in values
+        ],
         ylim=(len(values) - 0.5, -0.5),
     )
     if log:

@@ -170,7 +170,8 @@ def h_test(phase: Array) -> float:
 def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[float, float]:
     """Frequency [Hz] within half_width of `near` where Z_1^2 of the times t (n,) [s] is largest, and that Z_1^2.
 
-    Raises ValueError where the maximum stands at an end of the interval.
+    Raises ValueError where the maximum stands at an end of the interval, and where chance alone would give it in more
+    than one of a thousand searches: exp(-Z_1^2 / 2) for each of the independent frequencies, 1/T apart.
     """
     t = t - t[0]
     step = 0.1 / (t[-1] - t[0])
@@ -180,6 +181,12 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
     if k in (0, len(grid) - 1):
         raise ValueError(
             f"no pulsation within {half_width:g} Hz of {near:g} Hz: Z^2 is largest at the end of the interval."
+        )
+    chance = min(1.0, max(1.0, 2.0 * half_width * t[-1]) * np.exp(-0.5 * power[k]))
+    if chance > 1e-3:
+        raise ValueError(
+            f"no pulsation within {half_width:g} Hz of {near:g} Hz: the largest Z^2, {power[k]:.1f} at {grid[k]:.5f} "
+            f"Hz, comes by chance in {chance:.1%} of such searches."
         )
     found = minimize_scalar(
         lambda f: -z_squared(f * t)[0], bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-10}
