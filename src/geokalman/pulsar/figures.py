@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
 from geokalman.pulsar.model import Array
 from geokalman.style import METHODS, Method, ink
@@ -42,12 +42,18 @@ def _style(name: str) -> Method:
     return METHODS[named]
 
 
-def _round_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks in plain digits on a logarithmic axis that is not long enough for powers of ten alone."""
-    steps = (1, 2, 5) if high < 40.0 * low else (1, 3) if high < 2000.0 * low else (1,)
-    ticks = [f * 10.0**k for k in range(-3, 7) for f in steps if low <= f * 10.0**k <= high]
-    axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+def _round_ticks(axis: Axis, low: float, high: float, room: int = 8) -> None:
+    """Ticks in plain digits on a logarithmic axis, at most `room` of them: all of 1 to 9, or 1, 2, 5, or 1, 3, or 1."""
+    for steps in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
+        ticks = [f * 10.0**k for k in range(-3, 8) for f in steps if low <= f * 10.0**k <= high]
+        if len(ticks) <= room:
+            break
     axis.set_minor_locator(NullLocator())
+    if len(ticks) > 1:
+        axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+    else:  # a range too narrow for round numbers
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_formatter(ScalarFormatter())
 
 
 def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
@@ -155,7 +161,7 @@ def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], pri
             yticklabels=[LABELS.get(n, n) for n in names],
         )
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        _round_ticks(panel.xaxis, *panel.get_xlim())
+        _round_ticks(panel.xaxis, *panel.get_xlim(), room=4)
     panels[0].invert_yaxis()
     return figure
 
