@@ -42,7 +42,7 @@ def _style(name: str) -> Method:
     return METHODS[named]
 
 
-def _round_ticks(axis: Axis, low: float, high: float, room: int = 8) -> None:
+def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
     """Ticks in plain digits on a logarithmic axis, at most `room` of them: all of 1 to 9, or 1, 2, 5, or 1, 3, or 1."""
     for steps in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
         ticks = [f * 10.0**k for k in range(-3, 8) for f in steps if low <= f * 10.0**k <= high]

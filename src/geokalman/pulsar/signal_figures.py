@@ -47,7 +47,7 @@ def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Ar
         )
     axes.loglog(steps, integrated, color=METHODS["exact"].colour, linestyle=":", marker="x", label="integrated, rv [s]")
     axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--", label="beyond: the code warns")
-    axes.set(xlabel="substep [s]", ylabel="largest error over 500 s, units in the legend")
+    axes.set(xlabel="substep [s]", ylabel="largest error (units: legend)")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
