@@ -9,7 +9,7 @@ import yaml
 
 
 def pages(toc: Path) -> list[str]:
-    """Names (no suffix) of the pages that the table of contents lists, in its order; none where there is no such file."""
+    """Names (no suffix) of the pages of the table of contents, in its order; none where there is no such file."""
     found: list[str] = []
 
     def walk(node) -> None:

@@ -18,7 +18,7 @@ _HEADER = re.compile(r"\A---\n(.*?)\n---\n", re.S)
 
 
 def names(root: Path) -> list[str]:
-    """Names `<paper>/<notebook>` of all notebooks: the MyST files under `book/` with a jupytext header, in the order of the book."""
+    """Names `<paper>/<notebook>` of all notebooks: MyST files under `book/` with a jupytext header, in its order."""
     book = root / "book"
     found = []
     for path in book.glob("*/*.md"):
