@@ -121,6 +121,12 @@ def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
     assert metrics["table3.ukf.rms.3d"]["value"] > 0
 
 
+def test_a_skipped_adaptation_is_told(tmp_path):
+    given = {"pulsars": [1, 2], "filters": ["ekf", "aekf2"], "n_seeds": 1, "days": 1.0}
+    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / "two", page=False, threads=1)
+    assert "AEKF2: the adaptation was skipped in 100 % of the epochs" in (folder / "notebook.ipynb").read_text()
+
+
 @pytest.mark.parametrize(
     ("given", "match"),
     [
