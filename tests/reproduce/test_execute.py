@@ -12,7 +12,7 @@ import nbformat
 import numpy as np
 import pytest
 
-from geokalman.reproduce import execute, notebooks, page
+from geokalman.reproduce import blocks, execute, notebooks, page
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
 
@@ -58,10 +58,20 @@ def test_executed_notebook(ran):
         and "papermill" not in notebook.metadata
         and notebook.metadata.kernelspec.name == "python3"
     )
+    assert "its mean is 6.00\u00a0m:" in notebook.cells[1].source  # a number of this run stands in its sentence
+    assert "its mean is 6.00\u00a0m:" in (folder / "page.html").read_text()
     outputs = [o for c in notebook.cells for o in c.get("outputs", [])]
     assert any("application/vnd.geokalman.figure+json" in o.get("data", {}) for o in outputs)
     injected = [c.source for c in notebook.cells if "injected-parameters" in c.metadata.get("tags", [])]
     assert len(injected) == 1 and "slope = 3.0" in injected[0] and "n = 5" in injected[0]
+
+
+def test_numbers_of_a_run_in_its_sentences():
+    text = "[[toy/01-line:line.mean]], [[toy/01-line:none]], [[toy/02-constant:quotient]]"
+    metrics = {"line.mean": {"value": 6.0, "unit": "m/s^2"}}
+    part, whole = (blocks.fill_own(text, "toy/01-line", metrics, whole) for whole in (False, True))
+    assert part == "6.00\u00a0m/s², –, [[toy/02-constant:quotient]]"
+    assert whole == "6.00\u00a0m/s², [[toy/01-line:none]], [[toy/02-constant:quotient]]"
 
 
 def test_page_carries_everything_with_it(ran):

@@ -9,8 +9,9 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from geokalman.reproduce import claims, display, notebooks
 from geokalman.reproduce.errors import Fault
@@ -34,6 +35,22 @@ def fill(text: str, root: Path) -> str:
         return f"\n{make(root, argument) if wanted else make(root)}\n"
 
     return _NUMBER.sub(lambda match: recorded_number(root, *match.groups()), _LINE.sub(block, text))
+
+
+def fill_own(text: str, notebook: str, metrics: Mapping[str, Mapping[str, Any]], whole: bool) -> str:
+    """Replace the numbers that a notebook calls of itself by those of one run of it; other calls are left to the book.
+
+    A key that was not recorded becomes a dash, but in a `whole` run, at the paper's scale, it is left for the book to
+    complain of.
+    """
+
+    def number(match: re.Match[str]) -> str:
+        if match[1] == notebook and match[2] in metrics:
+            one = metrics[match[2]]
+            return display.quantity(one["value"], one["unit"], 3)
+        return match[0] if whole or match[1] != notebook else "–"
+
+    return _NUMBER.sub(number, text)
 
 
 def recorded_number(root: Path, notebook: str, key: str) -> str:

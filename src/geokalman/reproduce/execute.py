@@ -96,6 +96,7 @@ def _run_alone(
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+        _fill_in(executed, name, record, told["mode"] == "book")
         _warn_of(parameters.specification(source, name).changed(told["parameters"]), executed)
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
@@ -222,6 +223,16 @@ def _as_json(notebook: NotebookNode) -> str:
 
 def _write_notebook(path: Path, notebook: NotebookNode) -> None:
     atomic.write_text(path, _as_json(notebook) + "\n")
+
+
+def _fill_in(notebook: NotebookNode, name: str, record: Path, whole: bool) -> None:
+    """Put the numbers of this run into its sentences, so that they stand in every viewer of notebooks."""
+    from geokalman.reproduce import blocks
+
+    metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = blocks.fill_own(cell.source, name, metrics, whole)
 
 
 def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
