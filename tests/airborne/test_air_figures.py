@@ -117,8 +117,10 @@ def test_gains(theme):
 
 
 def test_fir_scan(theme):
-    figure = figures.fir_scan(np.array([60.0, 100.0]), {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}})
+    scans = {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}}, {"a": np.array([0.4, 0.2])}
+    figure = figures.fir_scan(np.array([60.0, 100.0]), *scans)
     assert_dressed(figure, theme)
+    np.testing.assert_array_equal(line(figure.axes[0], "FIR, clean ends").get_ydata(), [0.4, 0.2])
     np.testing.assert_array_equal(line(figure.axes[0], "FIR").get_ydata(), [0.5, 0.3])
     assert labels(figure) == [("cutoff of the FIR [s]", "sd against truth [mGal]")]
 

@@ -182,8 +182,8 @@ def fly(
     noise = s.white * math.sqrt(s.imu_rate) * rng.standard_normal(n)
     noise += _first_order(rng, n, dt, s.drift_s, s.drift)
     f_3 = (
-        motion.series(motion.later(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity
-    )  # true lag
+        motion.series(motion.ahead(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity
+    )  # tau3 > 0 of (7): early
     f_3 = (f_3 + k1 * f_1 + k2 * f_2 + noise) / (1.0 - k3)
 
     slow = slice(None, None, every)
@@ -242,8 +242,8 @@ class Motion:
             return fft.irfft(spectrum, self.size)[: self.n]
         return fft.irfft(spectrum * (2j * np.pi * self.frequency) ** derivative, self.size)[: self.n]
 
-    def later(self, spectrum: Array, seconds: float) -> Array:
-        """The spectrum of the same motion, `seconds` later."""
+    def ahead(self, spectrum: Array, seconds: float) -> Array:
+        """The spectrum of x(t + seconds): what a sensor shows that is so much early, f + tau df/dt to first order."""
         return spectrum * np.exp(2j * np.pi * self.frequency * seconds)
 
 
