@@ -1,4 +1,4 @@
-"""Normal gravity at flight height against boule, an independent closed form (Li & Goetze) without any series in height."""
+"""Normal gravity at flight height against boule, an independent closed form (Li & Goetze), no series in height."""
 
 import numpy as np
 import pytest

@@ -64,8 +64,8 @@ def test_a_known_field_is_found_within_its_sigma(toy):
 def test_the_likelihood_is_that_of_the_dense_covariance(toy):
     """Against z ~ N(0, C): C from the states' covariances propagated by themselves, and the waves' prior."""
     tuning, cut = toy_tuning(), slice(0, 90)
-    flights = [replace(f, line=f.line.part(cut), easting=f.easting[cut], northing=f.northing[cut], height=f.height[cut], lon=f.lon[cut], lat=f.lat[cut])
-               for f in toy[0][:3]]  # fmt: skip
+    columns = ("easting", "northing", "height", "lon", "lat")
+    flights = [replace(f, line=f.line.part(cut), **{c: getattr(f, c)[cut] for c in columns}) for f in toy[0][:3]]
     field = joint.joint_field(flights, tuning, BOX, lag=0.0, weigh=False)
     z, blocks, design = [], [], []
     for f in flights:
@@ -82,7 +82,8 @@ def test_the_likelihood_is_that_of_the_dense_covariance(toy):
         assert m == 3
         blocks.append(C + built.R[0, 0] * np.eye(n))
         spline = joint.Spline.of(f.line.t, 5.0)
-        place = [np.interp(spline.at, f.line.t, x) for x in (f.easting - field.origin[0], f.northing - field.origin[1], f.height)]
+        track = (f.easting - field.origin[0], f.northing - field.origin[1], f.height)
+        place = [np.interp(spline.at, f.line.t, x) for x in track]
         design.append(spline.integrated @ BOX.rows(*place))
         z.append(f.line.z)
     z, G = np.concatenate(z), np.vstack(design)
@@ -134,6 +135,8 @@ def test_what_the_joint_estimate_refuses(toy):
         joint.joint_field([])
     with pytest.raises(ValueError, match="sigma_mgal = 12: the whitening filter has no gravity"):
         joint.joint_field(toy[0], Tuning(), BOX)
+    with pytest.raises(ValueError, match="box = 9000 m is smaller than the survey, 16000 m from west to east"):
+        joint.joint_field(toy[0], toy_tuning(), replace(BOX, box=9e3))
     with pytest.raises(ValueError, match="both must be positive"):
         joint.Waves(n_max=0)
 

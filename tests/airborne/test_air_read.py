@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, read, tables
+from geokalman.airborne import checks, read, tables, trial
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
@@ -194,7 +194,7 @@ def test_ones_own_layout(table, kauring):
 
 def test_swapped_latitude_and_longitude_are_put_right(table, kauring):
     table["LON"], table["LAT"] = table["LAT"], table["LON"]
-    with pytest.warns(checks.SuspiciousData, match=r"latitude and longitude are swapped on 1 lines .104000.; put right"):
+    with pytest.warns(checks.SuspiciousData, match=r"longitude are swapped on 1 lines .104000.; put right"):
         flight = survey(table, KAURING)[104000]
     np.testing.assert_array_equal(flight.lat, kauring[104000].lat)
     table["LON"] = table["LAT"] * 0 + 3.0
@@ -251,7 +251,7 @@ def test_a_null_in_one_channel_splits_too(table):
         found = survey(long, KAURING)
     assert [f.name for f in found.select([104000])] == ["104000a", "104000c"]
     assert found["104000c"].line.t[0] > found["104000a"].line.t[-1]
-    with pytest.raises(read.UnknownLine, match="Line 104000 is not whole, its pieces are 104000a, 104000c: line 104000b lasts"):
+    with pytest.raises(read.UnknownLine, match="is not whole, its pieces are 104000a, 104000c: line 104000b lasts"):
         found[104000]
     assert [(f.name, len(f.line.t)) for f in found.flights] == [("104000a", 600), ("104000c", 888)]
     assert found.refused == ("line 104000b lasts 143.0 s, at least 240 s are needed",)
@@ -400,7 +400,7 @@ def test_an_empty_line_is_refused_and_the_rest_of_the_file_read(whole, table):
 def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
     slow = 4.0e4 * np.sin(0.7 * np.arange(888))  # a motion that the height does not have
     table["FZ"], table["GRVRAW"] = table["FZ"] + slow, table["GRVRAW"] + slow
-    with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines \(104000\) the specific force .* probably aliased"):
+    with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines .104000. the specific force .* aliased"):
         survey(table, KAURING)
 
 
@@ -440,7 +440,8 @@ def test_files_that_are_no_tables(table, tmp_path):
     path.write_bytes(path.read_bytes()[:-400])
     with pytest.raises(ValueError, match="a.csv is cut short or damaged"):
         tables.read_table(path)
-    for text, message in (("", "is empty"), ("A,B\n", "a header line and no data"), ("A;B\n1;2\n", "separated by semicolons")):
+    cases = (("", "is empty"), ("A,B\n", "a header line and no data"), ("A;B\n1;2\n", "separated by semicolons"))
+    for text, message in cases:
         path.write_text(text)
         with pytest.raises(ValueError, match=message):
             tables.read_table(path)
@@ -456,6 +457,16 @@ def test_selecting_a_line_twice_or_none(kauring):
         kauring.select([104000, 104100, 104000])
     with pytest.raises(ValueError, match="No line is asked for; there are 10100"):
         kauring.select([])
+
+
+def test_samples_of_lines(kauring):
+    assert [f.name for f in trial.sample(kauring.flights, "test", [104000, 104200])] == ["104000", "104100", "104200"]
+    with pytest.raises(ValueError, match=r"test = \[1, 2\]: no line of at least 800 points lies between; they run from"):
+        trial.sample(kauring.flights, "test", [1, 2])
+    with pytest.raises(ValueError, match=r"train = \[5\]: two numbers are wanted, the first and the last line"):
+        trial.sample(kauring.flights, "train", [5])
+    tested = trial.sample(kauring.flights, "test", [105000, 110900])
+    assert len(tested) == 60 and trial.unseen(tested).sum() == 48
 
 
 def test_a_survey_without_ground_truth_says_so(table):

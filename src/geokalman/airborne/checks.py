@@ -62,7 +62,8 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table]:
         whole = abs((step[k] - dt) - round(step[k] - dt)) < 0.01
         if whole and even[k] and even[k + 2] and abs(moved[k] - usual) < 0.3 * usual:
             raise ValueError(
-                f"Line {name}: the time jumps by {step[k] - dt:+.0f} s at {t[k]:.2f} s while the aircraft moves for one step; "
+                f"Line {name}: the time jumps by {step[k] - dt:+.0f} s at {t[k]:.2f} s while "
+                f"the aircraft moves for one step; "
                 "GPS time and UTC are mixed (leap seconds): use one of them."
             )
     if (step < 0).any():
@@ -87,7 +88,8 @@ def wild(name: str, c: Table, references: Table) -> None:
         if gap.size and gap.max() > limit:
             k = int(finite[np.argmax(gap)])
             raise ValueError(
-                f"Line {name}: {key} is {x[k]:g} {unit}{_at(references, k)}, {gap.max():.3g} {unit} away from its neighbours; "
+                f"Line {name}: {key} is {x[k]:g} {unit}{_at(references, k)}, "
+                f"{gap.max():.3g} {unit} away from its neighbours; "
                 "a spike, or a null in other words: leave the cell empty."
             )
 
@@ -124,7 +126,8 @@ def places(name: str, c: Table) -> tuple[Table, bool]:
     if _place_misfit(c["lon"], c["lat"], c) < 0.1:
         return {**c, "lat": c["lon"], "lon": c["lat"]}, True
     raise ValueError(
-        f"Line {name}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} do not move as easting and northing do, "
+        f"Line {name}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} "
+        f"do not move as easting and northing do, "
         "in either order; check the columns and their units (degrees)."
     )
 
@@ -162,13 +165,16 @@ def pieces(name: str, c: Table, references: Table) -> tuple[list[slice], list[st
     if uneven.any():
         k = int(np.argmax(uneven))
         raise ValueError(
-            f"Line {name}: the step is {step[k]:.4g} s at {t[k]:.2f} s and {dt:.4g} s elsewhere; resample to a constant step."
+            f"Line {name}: the step is {step[k]:.4g} s at {t[k]:.2f} s and {dt:.4g} s elsewhere; "
+            f"resample to a constant step."
         )
     why = []
     for k in np.flatnonzero(cut):
         hole = slice(kept[k] + 1, kept[k + 1])
         null = [key for key, values in c.items() if not np.isfinite(values[hole]).all()]
-        what = f"{' and '.join(null)} null" if null else f"a gap of {step[k]:g} s" if step[k] > 0 else "a repeated epoch"
+        what = f"a gap of {step[k]:g} s" if step[k] > 0 else "a repeated epoch"
+        if null:
+            what = f"{' and '.join(null)} null"
         why.append(f"{what}{_at(references, kept[k] + 1)}")
     edges = np.concatenate([[0], np.flatnonzero(cut) + 1, [len(kept)]])
     return [slice(int(kept[a]), int(kept[b - 1]) + 1) for a, b in zip(edges[:-1], edges[1:], strict=True)], why
@@ -179,14 +185,16 @@ def quality(name: str, c: Table, layout: Layout) -> None:
     speed = np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() / (c["t"][-1] - c["t"][0])
     if not SLOWEST < speed < FASTEST:
         raise ValueError(
-            f"Line {name}: the mean speed is {speed:.1f} m/s, not between {SLOWEST:g} and {FASTEST:g}; check positions and times."
+            f"Line {name}: the mean speed is {speed:.1f} m/s, not between {SLOWEST:g} and {FASTEST:g}; "
+            f"check positions and times."
         )
     if "raw" in c and "a_up" in c:
         gap = np.abs(c["raw"] - (c["f3"] - c["a_up"]))
         if gap.max() > 0.0201:
             k = int(np.argmax(gap))
             raise ValueError(
-                f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal at {c['t'][k]:.2f} s (0.02 is rounding)."
+                f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal "
+                f"at {c['t'][k]:.2f} s (0.02 is rounding)."
             )
     _signs(name, c, layout)
 
@@ -232,7 +240,10 @@ def _signs(name: str, c: Table, layout: Layout) -> None:
 def _wrong_sign(name: str, column: str, given: np.ndarray, expected: np.ndarray) -> str:
     opposite = abs(np.mean(given + expected)) < abs(np.mean(given - expected))
     advice = "its sign is the other one" if opposite else "check its column and unit"
-    return f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for {np.mean(expected):.2f}; {advice}."
+    return (
+        f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for "
+        f"{np.mean(expected):.2f}; {advice}."
+    )
 
 
 def _at(references: Table, k: int) -> str:

@@ -178,8 +178,15 @@ def joint_field(
     if not flights:
         raise ValueError("There are no lines to estimate a field from.")
     tuning, waves = tuning or Tuning.preset("joint"), waves or Waves()
-    origin = tuple(0.5 * (min(c.min() for c in part) + max(c.max() for c in part)) - waves.box / 2
-                   for part in ([f.easting for f in flights], [f.northing for f in flights]))  # fmt: skip
+    ends = [(min(c.min() for c in part), max(c.max() for c in part))
+            for part in ([f.easting for f in flights], [f.northing for f in flights])]  # fmt: skip
+    extent = [last - first for first, last in ends]
+    if max(extent) > waves.box:
+        raise ValueError(
+            f"box = {waves.box:g} m is smaller than the survey, {extent[0]:.0f} m from west to east and {extent[1]:.0f} m "
+            "from south to north."
+        )
+    origin = tuple(0.5 * (first + last) - waves.box / 2 for first, last in ends)
     parts = [line_rows(flight, tuning, waves, origin, lag, knots_s) for flight in flights]
     weights = np.ones(len(parts))
     solution = _solve(parts, weights, waves)

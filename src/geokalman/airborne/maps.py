@@ -33,7 +33,9 @@ def tracks(lines: Sequence[tuple[str, Array, Array]], proper: Sequence[slice]) -
         )
         ahead = np.sign(north[-1] - north[0])
         axes.annotate(
-            "", (east[keep][-1] / 1e3, north[keep][-1] / 1e3), (east[keep][-1] / 1e3, north[keep][-1] / 1e3 - 4 * ahead),
+            "",
+            (east[keep][-1] / 1e3, north[keep][-1] / 1e3),
+            (east[keep][-1] / 1e3, north[keep][-1] / 1e3 - 4 * ahead),
             arrowprops={"arrowstyle": "->", "color": METHODS["fb"].colour},
         )  # fmt: skip
         axes.annotate(
@@ -78,6 +80,8 @@ def along_lines(
             **span,
         )
         axis.set(xlabel="east [km]", title=title, aspect="equal")
+        if np.ptp(east) < 2.0:  # a single line
+            axis.set_xlim(np.mean(east) - 2.0, np.mean(east) + 2.0)
         figure.colorbar(points, ax=axis, orientation="horizontal", label=unit, shrink=0.9)
     axes[0, 0].set_ylabel("north [km]")
     return figure

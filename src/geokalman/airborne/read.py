@@ -59,10 +59,11 @@ KAURING_DAT = Layout(
     corrections=KAURING.corrections,
     kinds=KAURING.kinds,
     references={
-        "contractor_raw": "GRVFRA100S", "contractor": "GRVFRAL100S", "grid": "GRVFAL1000M", "ground": "GNDGRV_FA_UPWARD",
+        "contractor_raw": "GRVFRA100S", "contractor": "GRVFRAL100S", "grid": "GRVFAL1000M",
+        "ground": "GNDGRV_FA_UPWARD",
     },
 )  # fmt: skip
-"""The contractor's GRAV.DAT with its DFN, which names longitude and latitude the wrong way round: so does this layout."""
+"""The contractor's GRAV.DAT with its DFN, which swaps the names of longitude and latitude: so does this layout."""
 EASTVIC = Layout(
     columns={"line": "LINE", "t": "FTIME", "lon": "LONG", "lat": "LAT", "easting": "MGA_X", "northing": "MGA_Y",
              "height": "MGA_Z", "f3": "FZ", "f1": "FX", "f2": "FY"},
@@ -130,7 +131,8 @@ class Survey:
         wanted = _wanted(name)
         if len(found) != 1 or found[0].name != wanted:
             raise UnknownLine(
-                f"Line {wanted} is not whole, its pieces are {', '.join(f.name for f in found)}: {self._reason(wanted)}."
+                f"Line {wanted} is not whole, its pieces are "
+                f"{', '.join(f.name for f in found)}: {self._reason(wanted)}."
             )
         return found[0]
 
@@ -140,7 +142,8 @@ class Survey:
         found = tuple(f for f in self.flights if f.name == wanted or f.whole == wanted)
         if not found:
             raise UnknownLine(
-                f"There is no line {wanted}; {self._reason(wanted) or 'there are ' + _some([f.name for f in self.flights])}."
+                f"There is no line {wanted}; "
+                f"{self._reason(wanted) or 'there are ' + _some([f.name for f in self.flights])}."
             )
         return found
 
@@ -162,7 +165,8 @@ class Survey:
         for name in references:
             lacking = [f.name for f in self.flights if name not in f.references]
             if lacking:
-                known = ", ".join(dict.fromkeys(layout.references[name] for layout in LAYOUTS.values() if name in layout.references))
+                said = (layout.references.get(name, "") for layout in LAYOUTS.values())
+                known = ", ".join(dict.fromkeys(column for column in said if column))
                 raise ValueError(
                     f"The survey has no column {known} ({name}), against which this page judges; it has "
                     f"{', '.join(self.flights[0].references) or 'no reference at all'}."
@@ -189,9 +193,10 @@ def read_survey(path: Path | str, layout: Layout | str | None = None, shortest: 
     if layout is None:
         fits = [one for one in LAYOUTS.values() if _missing(table, one) == []]
         if not fits:
+            nearest = min((_missing(table, one) for one in LAYOUTS.values()), key=len)
             raise ValueError(
                 f"{path} has the columns {', '.join(table)}; no known layout fits "
-                f"(the nearest lacks {', '.join(min((_missing(table, one) for one in LAYOUTS.values()), key=len))}); describe it by a Layout."
+                f"(the nearest lacks {', '.join(nearest)}); describe it by a Layout."
             )
         layout = fits[0]
     return survey(table, LAYOUTS[layout] if isinstance(layout, str) else layout, shortest)
@@ -245,7 +250,8 @@ def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
         notes.append(f"latitude and longitude are swapped on {len(swapped)} lines ({_some(swapped)}); put right")
     if aliased:
         notes.append(
-            f"on {len(aliased)} of {len(flights)} lines ({_some(aliased)}) the specific force follows the height with a "
+            f"on {len(aliased)} of {len(flights)} lines "
+            f"({_some(aliased)}) the specific force follows the height with a "
             f"correlation below {checks.ALIASED}: it is probably aliased, so give the height a larger R"
         )
     if notes:

@@ -102,7 +102,8 @@ SCENARIOS = {
     "paper_like": Scenario(),
     "rough": Scenario(source_km=6.0, sigma_mgal=20.0, gnss_white=0.005, gnss_colour=0.015, white=2.0, drift=0.8),
     "matched": Scenario(
-        truth="gm3", sigma_mgal=20.0, L_km=12.0, gnss_white=0.02, gnss_colour=0.0, white=8.0, drift=0.0, k3=3e-6, lead_s=0.0
+        truth="gm3", sigma_mgal=20.0, L_km=12.0, gnss_white=0.02, gnss_colour=0.0, white=8.0, drift=0.0, k3=3e-6,
+        lead_s=0.0,
     ),
 }  # fmt: skip
 
@@ -199,8 +200,8 @@ def fly(
     line = Line(str(number), t[slow], z, f_3[slow], first, second, s.V)
     lead = round(s.lead_s * s.rate)
     truth = Truth(
-        gravity[slow], _reference(s, gravity[slow], rng), north[slow], east[slow], height[slow], v_up[slow], v_north[slow],
-        (s.tau3, k1, k2, k3), slice(lead, epochs - lead),
+        gravity[slow], _reference(s, gravity[slow], rng), north[slow], east[slow], height[slow], v_up[slow],
+        v_north[slow], (s.tau3, k1, k2, k3), slice(lead, epochs - lead),
     )  # fmt: skip
     return truth, line
 

@@ -58,7 +58,8 @@ def read_table(path: Path | str, definition: Path | str | None = None) -> Table:
         return read_csv(path) if b"," in head else read_xyz(path)
     except UnicodeDecodeError as error:
         raise ValueError(
-            f"{path} holds byte {error.object[error.start]:#04x} at {error.start}, which is no text; give a CSV, XYZ or DAT file, "
+            f"{path} holds byte {error.object[error.start]:#04x} at {error.start}, which is no text; "
+            f"give a CSV, XYZ or DAT file, "
             "plain or compressed by gzip or xz."
         ) from None
     except (EOFError, OSError, lzma.LZMAError, zlib.error) as error:
@@ -115,7 +116,8 @@ def read_xyz(path: Path | str) -> Table:
                 current.append(label)
     if not header:
         raise ValueError(
-            f"{path} names no columns: a CSV has commas in its header line, an XYZ a comment line (/ LINE X Y ...) before the data."
+            f"{path} names no columns: a CSV has commas in its header line, "
+            f"an XYZ a comment line (/ LINE X Y ...) before the data."
         )
     if not rows:
         raise ValueError(f"{path} names its columns and has no data.")

@@ -127,6 +127,18 @@ def numbered(flights: Sequence[Flight], first: float, last: float, epochs: int =
     return [f for f in flights if first <= f.number <= last and len(f.line.t) >= epochs]
 
 
+def sample(flights: Sequence[Flight], what: str, ends: Sequence[float], epochs: int = 800) -> list[Flight]:
+    """Flights between two line numbers, as a parameter `what` gives them. Raises ValueError where it gives none."""
+    if len(ends) != 2:
+        raise ValueError(f"{what} = {list(ends)}: two numbers are wanted, the first and the last line.")
+    found = numbered(flights, *ends, epochs)
+    if not found:
+        there = [f.number for f in flights if len(f.line.t) >= epochs]
+        known = f"they run from {min(there):g} to {max(there):g}" if there else "there is none of that length at all"
+        raise ValueError(f"{what} = {list(ends)}: no line of at least {epochs} points lies between; {known}.")
+    return found
+
+
 def unseen(flights: Sequence[Flight]) -> Array:
     """Which of the flights no hand tuning of the preset `kauring` has seen (n,)."""
     return np.array([f.whole not in HAND_TUNED[0] + HAND_TUNED[1] for f in flights], dtype=bool)
