@@ -201,7 +201,7 @@ def quality(name: str, c: Table, layout: Layout) -> None:
 
 def height_correlation(f3: np.ndarray, height: np.ndarray) -> float:
     """Correlation of the vertical specific force with the second difference of the height: near 1 unless aliased."""
-    return float(np.corrcoef(_smooth(np.diff(height, 2)), _smooth(f3[1:-1]))[0, 1])
+    return float(np.corrcoef(np.diff(height, 2), f3[1:-1])[0, 1])
 
 
 def _signs(name: str, c: Table, layout: Layout) -> None:
@@ -248,10 +248,6 @@ def _wrong_sign(name: str, column: str, given: np.ndarray, expected: np.ndarray)
 
 def _at(references: Table, k: int) -> str:
     return f" at row {references[ROW][k]:.0f} of the data" if ROW in references else ""
-
-
-def _smooth(x: np.ndarray) -> np.ndarray:
-    return np.convolve(x, [0.25, 0.5, 0.25], "valid")
 
 
 def _take(table: Table, rows) -> Table:
