@@ -9,7 +9,8 @@ import pytest
 
 from geokalman.attitude import assess, estimate, gyro, trials
 from geokalman.attitude.estimate import Measured
-from geokalman.attitude.flight import GyroWarning, solve
+from geokalman.attitude.flight import solve
+from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.model import AXES, WRAP_DEG, Tuning
 from geokalman.kalman import NotPositiveDefinite
 from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold

@@ -62,22 +62,23 @@ def statistics(result: Solved, truth: Array | None) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
     truth : (n, 4) true attitudes at the epochs of the result, or None; without it errors count from the smoothed solution,
-    and what needs the truth (rates and NEES against it) is left out.
+    and what needs the truth (rates and NEES against it) is left out. Epochs at an edge of the clock do not count.
     """
     out: dict[str, float] = {}
     dt = result.measured.dt
     keep = inner(len(result.t), dt)
     rates_keep = inner(len(result.t) - 2, dt)
+    sound, sound_rates = ~result.edge[keep], ~result.edge[1:-1][rates_keep]
     reference = result.solutions["rts"].q if truth is None and "rts" in result.solutions else truth
     for name, solution in result.solutions.items():
         if reference is not None:
-            out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep]))
+            out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep][sound]))
         apart = rate_difference(solution, result)[rates_keep]
-        out |= by_axis(f"rate_minus_imu.{name}", std(apart))
+        out |= by_axis(f"rate_minus_imu.{name}", std(apart[sound_rates]))
         if np.isfinite(apart).all():
             out |= by_axis(f"band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
         if name not in SMOOTHERS:
-            out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep]) / 3)
+            out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep][sound]) / 3)
         if truth is not None:
             true_rates = pointing.rates(truth, dt)
             out |= by_axis(f"rate_minus_truth.{name}", std((pointing.rates(solution.q, dt) - true_rates)[rates_keep]))

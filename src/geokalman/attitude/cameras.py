@@ -100,14 +100,15 @@ def calibrate_mounting(
     return q, taken
 
 
-def at_seconds(combined: Combined) -> Combined:
-    """The combination at the integer seconds that it spans: samples where they stand there, else a spline between them.
+def at_seconds(combined: Combined, hz: int = 1) -> Combined:
+    """The combination at the integer seconds that it spans, or at `hz` epochs each: samples where they stand there, else a spline.
 
-    Where the samples stand off the seconds, no second inside a gap longer than 5 s is filled: it stays NaN. The covariance
-    and the mask are those of the nearest sample; a spline averages two samples, which the covariance then overstates.
+    Where the samples stand off these epochs, none inside a gap longer than 5 s is filled: it stays NaN. The covariance and the
+    mask are those of the nearest sample. A spline averages two samples, which the covariance then overstates at 1 Hz; at the
+    cameras' own 2 Hz neighbouring epochs share them, and the covariance of single samples is what their mean over time has.
     """
     t = combined.t
-    seconds = np.arange(np.ceil(t[0] - SNAP), np.floor(t[-1] + SNAP) + 0.5)
+    seconds = np.arange(np.ceil((t[0] - SNAP) * hz), np.floor((t[-1] + SNAP) * hz) + 0.5) / hz
     near = np.clip(np.searchsorted(t, seconds - SNAP), 0, len(t) - 1)
     if (np.abs(t[near] - seconds) < SNAP).all():
         return Combined(seconds, combined.q[near], combined.cov[near], combined.used[near])

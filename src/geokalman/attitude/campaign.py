@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from geokalman.attitude import assess, cameras, gyro, pointing
+from geokalman.attitude import assess, cameras, pointing
 from geokalman.attitude.estimate import FILTERS
-from geokalman.attitude.flight import Flight, combination, flight, in_satellite_axes, reference_at, solve, solved
+from geokalman.attitude.flight import Flight, flight, in_satellite_axes, reference_at, solve
 from geokalman.attitude.model import SATELLITES, Array, Scenario, Tuning
 from geokalman.physics.quaternion import difference, exp, multiply
 
@@ -115,9 +115,8 @@ def mounting(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satel
     for trip in flights(scenario, n_seeds, seed0, data_dir):
         for s in chosen(satellite):
             run: dict[str, float] = {}
-            increments = gyro.reduced(trip.raw[s], tuning)
             for word, calibrate in (("before", False), ("after", True)):
-                result = solved(trip, s, tuning, combination(trip.raw[s], tuning, calibrate=calibrate), increments, ("mekf", "rts"))
+                result = solve(trip, s, tuning, ("mekf", "rts"), calibrate=calibrate)
                 solution = result.solutions["mekf"]
                 truth = trip.true_attitude(s)
                 e = assess.error(solution.q, result.solutions["rts"].q if truth is None else truth)[assess.inner(len(result.t))]
@@ -141,7 +140,7 @@ def shifted(scenario: Scenario, tuning: Tuning, shift_s: float, n_seeds: int, se
         if data_dir:
             moved = {s: replace(raw, t_camera=raw.t_camera + shift_s) for s, raw in one.raw.items()}
             inside = one.t[(one.t > one.t[0] + shift_s + 1) & (one.t < one.t[-1] + shift_s - 1)]
-            other = replace(one, raw=moved, t=inside)
+            other = replace(one, raw=moved, t=inside)  # r and v keep their own epochs; nothing here uses them
         else:
             other = flight(replace(scenario, shift_s=shift_s), seed0 + k)
         for s in SATELLITES:

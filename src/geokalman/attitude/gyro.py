@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
+from geokalman.attitude.level1 import Level1Error
 from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, gyro_matrix
 from geokalman.physics.quaternion import exp_point, log_point, multiply_point
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
 LARGEST_STEP = 0.1  # deg per 1/8 s: more is a fault, not motion
+FEWEST = 0.5  # of the fullest axis' samples: an axis with fewer counts as missing
+
+
+class GyroWarning(UserWarning):
+    """A gyro axis is missing or faulty and was left out."""
 
 
 class Increments(NamedTuple):
@@ -163,8 +171,39 @@ def between(increments: Increments, first: float, last: float) -> Increments:
     return Increments(t[k : m + 1], increments.d[k:m], increments.parity[k:m])
 
 
+def present(raw: Raw) -> tuple[int, ...]:
+    """The axes (1 to 4) that gave samples: at least half as many as the fullest one. Raises Level1Error for fewer than three."""
+    counts = (np.isfinite(raw.t_gyro) & np.isfinite(raw.gyro)).sum(axis=1)
+    there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
+    if len(there) < 3:
+        raise Level1Error(
+            f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on axes 1 to 4); three are needed."
+        )
+    return there
+
+
+def sound(raw: Raw, tuning: Tuning) -> Tuning:
+    """The tuning with those of its gyro axes that gave samples; a missing one is left out with a GyroWarning.
+
+    Raises Level1Error where fewer than three remain.
+    """
+    there = present(raw)
+    axes = tuple(axis for axis in tuning.axes if axis in there)
+    if axes == tuning.axes:
+        return tuning
+    missing = " and ".join(str(axis) for axis in tuning.axes if axis not in there)
+    if len(axes) < 3:
+        raise Level1Error(f"GRACE-{raw.satellite}: of gyro axes {list(tuning.axes)}, {missing} gave no samples; three are needed.")
+    warnings.warn(f"GRACE-{raw.satellite}: gyro axis {missing} gave no samples and was left out.", GyroWarning, stacklevel=3)
+    return replace(tuning, axes=axes)
+
+
 def reduced(raw: Raw, tuning: Tuning) -> Increments:
-    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both ends."""
+    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both ends.
+
+    Missing axes are left out as `sound` says. Raises Level1Error where fewer than three remain.
+    """
+    tuning = sound(raw, tuning)
     first, last = np.ceil(raw.t_camera[0] - 1e-3), np.floor(raw.t_camera[-1] + 1e-3)
     used = [axis - 1 for axis in tuning.axes]
     start, end = np.nanmin(raw.t_gyro[used], axis=1).max(), np.nanmax(raw.t_gyro[used], axis=1).min()

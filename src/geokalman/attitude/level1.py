@@ -126,7 +126,7 @@ def _agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
         named = re.findall(r"\b(?:SCA1[AB]|QSA1B|IMU1[AB]|TIM1B|CLK1B|ACT1B|GN[IV]1B|KBR1B|VKB1B)\b", str(attributes.get(key, "")))
         if named and parts["product"] not in named:
             raise Level1Error(f"{path}: the header's {key} says {named[0]}, the file name {parts['product']}.")
-    platform = re.findall(r"GRACE(?:-FO)?[ -_]?([CD])\b", str(attributes.get("platform", "")))
+    platform = re.findall(r"GRACE(?:-FO)?[ _-]?([CD])\b", str(attributes.get("platform", "")))
     if len(platform) == 1 and parts["satellite"] in "CD" and platform[0] != parts["satellite"]:
         raise Level1Error(f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}.")
     start, stop = (str(attributes.get(f"time_coverage_{word}", ""))[:10] for word in ("start", "stop"))
@@ -153,6 +153,20 @@ def _schema(path: Path, product: str, header: dict[str, Any]) -> list[Column | N
     if len(set(names)) < len(names):
         raise Level1Error(f"{path}: the header names the variable {max(names, key=names.count)} twice.")
     return [by_name.get(name) for name in names]
+
+
+def flag_meanings(header: dict[str, Any], variable: str) -> dict[int, str]:
+    """What the bits of a flag variable mean, bit -> words, where the header's `flag_meanings` say it ("bit 0 = ...")."""
+    variables = header.get("variables")
+    for entry in variables if isinstance(variables, list) else []:
+        inner = entry.get(variable) if isinstance(entry, dict) and variable in entry else entry
+        if not isinstance(inner, dict) or inner is entry and entry.get("name") != variable:
+            continue
+        words = inner.get("flag_meanings", "")
+        lines = words if isinstance(words, list) else [words]
+        found = (re.findall(r"\bbit\s*([0-9]{1,2})\s*[=:]\s*(.*?)(?=[,;]?\s*\bbit\s*[0-9]|$)", str(line)) for line in lines)
+        return {int(bit): text for pairs in found for bit, text in pairs}
+    return {}
 
 
 def _promised(path: Path, header: dict[str, Any]) -> int | None:

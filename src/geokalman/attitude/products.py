@@ -41,7 +41,7 @@ _ACT = (
 GRACE_FO: dict[str, tuple[Column, ...]] = {
     "SCA1A": _columns(
         f"rcvtime_intg:i:s rcvtime_frac:i:us GRACEFO_id:t sca_id:i sca_desig:t {_QUATERNION} nlocks:i nstars:i sca_confid:i "
-        "sca_null1:i sca_null2:i sca_mode:i qualflg:b"
+        "sca_null1:i sca_null2:i sca_mode:t qualflg:b"
     ),
     "SCA1B": _columns(_SCA1B),
     "QSA1B": _columns(_SCA1B),

@@ -102,14 +102,15 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
     columns = {
         "rcvtime_intg": whole, "rcvtime_frac": fraction, "GRACEFO_id": np.full(k, s), "sca_id": order + 1,
         "sca_desig": np.where(order == 0, "P", "S"), **quaternion, "nlocks": zeros + 20, "nstars": zeros + 30, "sca_confid": zeros + 1,
-        "sca_null1": zeros, "sca_null2": zeros, "sca_mode": zeros + 4, "qualflg": flags,
+        "sca_null1": zeros, "sca_null2": zeros, "sca_mode": flags, "qualflg": flags,
     }  # fmt: skip
     paths.append(write(folder, "SCA1A", s, date, columns))
-    whole, fraction = _tags(obc_time(raw.t_gyro.T.ravel()), origin)
+    there = np.isfinite(raw.t_gyro.T) & np.isfinite(raw.gyro.T)  # axes have unequal counts, padded with NaN
+    whole, fraction = _tags(obc_time(raw.t_gyro.T[there]), origin)
     k = len(whole)
     columns = {
         "time_intg": whole, "time_frac": fraction, "time_ref": np.full(k, "O"), "GRACEFO_id": np.full(k, s),
-        "gyro_id": np.tile(np.arange(1, 5), k // 4), "FiltAng": raw.gyro.T.ravel(), "qualflg": np.full(k, "00000000"),
+        "gyro_id": np.nonzero(there)[1] + 1, "FiltAng": raw.gyro.T[there], "qualflg": np.full(k, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "IMU1A", s, date, columns))
     q = raw.q_qsa
@@ -118,7 +119,8 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
         "quatjcoeff": q[:, 2], "quatkcoeff": q[:, 3], "qual_rss": np.zeros(3), "qualflg": np.full(3, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "QSA1B", s, date, columns))
-    obc = np.arange(np.floor(raw.t_gyro.min()) - 1, np.ceil(raw.t_gyro.max()) + 2)
+    first, last = np.nanmin(raw.t_gyro), np.nanmax(raw.t_gyro)
+    obc = np.arange(np.floor(first) - 1, np.ceil(last) + 2)
     nano = np.round((obc * (1.0 + OBC_DRIFT) + OBC_OFFSET) * 1e9).astype(np.int64)
     k = len(obc)
     columns = {
@@ -127,7 +129,7 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
         "final_icu_blknr": np.arange(k), "qualflg": np.full(k, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "TIM1B", s, date, columns))
-    rcv = np.arange(np.floor(raw.t_gyro.min() / 10) - 1, np.ceil(raw.t_gyro.max() / 10) + 2) * 10
+    rcv = np.arange(np.floor(first / 10) - 1, np.ceil(last / 10) + 2) * 10
     k = len(rcv)
     columns = {
         "rcv_time": origin + rcv.astype(np.int64), "GRACEFO_id": np.full(k, s), "clock_id": np.ones(k, int),
