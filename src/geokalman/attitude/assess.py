@@ -15,6 +15,7 @@ from geokalman.physics.quaternion import difference
 
 EDGE_S = 600.0
 BAND = (0.01, 0.1)
+WIDE_BAND = (0.004, 0.2)  # Hz: where the paper finds its product below the official one
 SMOOTHERS = ("rts",)
 
 
@@ -49,19 +50,21 @@ def rate_difference(solution: Solution, result: Solved) -> Array:
     return pointing.rates(solution.q, result.measured.dt) - result.rates[1:-1]
 
 
-def nees_of(solution: Solution, reference: Array) -> Array:
-    """NEES (n,) of the attitude, 3 degrees of freedom; NaN before the filter starts."""
-    e = error(solution.q, reference)
-    good = np.isfinite(e).all(axis=1) & np.isfinite(solution.cov).all(axis=(1, 2))
+def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> Array:
+    """NEES (n,) of the attitude, 3 degrees of freedom, or with the true bias (n, 3) of both, 6; NaN before the filter starts."""
+    e, cov = error(solution.q, reference), solution.cov
+    if bias is not None:
+        e, cov = np.concatenate([e, bias - solution.bias], axis=1), solution.full
+    good = np.isfinite(e).all(axis=1) & np.isfinite(cov).all(axis=(1, 2))
     out = np.full(len(e), np.nan)
-    out[good] = nees(e[good], solution.cov[good])
+    out[good] = nees(e[good], cov[good])
     return out
 
 
-def statistics(result: Solved, truth: Array | None) -> dict[str, float]:
+def statistics(result: Solved, truth: Array | None, bias: Array | None = None) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
-    truth : (n, 4) true attitudes at the epochs of the result, or None; without it errors count from the smoothed solution,
+    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None; without it errors count from the smoothed solution,
     and what needs the truth (rates and NEES against it) is left out. Epochs at an edge of the clock do not count.
     """
     out: dict[str, float] = {}
@@ -77,12 +80,17 @@ def statistics(result: Solved, truth: Array | None) -> dict[str, float]:
         out |= by_axis(f"rate_minus_imu.{name}", std(apart[sound_rates]))
         if np.isfinite(apart).all():
             out |= by_axis(f"band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
+            out |= by_axis(f"wide_band_minus_imu.{name}", pointing.band(apart, dt, *WIDE_BAND))
         if name not in SMOOTHERS:
             out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep][sound]) / 3)
         if truth is not None:
             true_rates = pointing.rates(truth, dt)
             out |= by_axis(f"rate_minus_truth.{name}", std((pointing.rates(solution.q, dt) - true_rates)[rates_keep]))
             out[f"nees3.{name}"] = float(np.nanmean(nees_of(solution, truth)[keep]) / 3)
+        if bias is not None:
+            out |= by_axis(f"bias_rms.{name}", rms((bias - solution.bias)[keep]))
+            if solution.full is not None:
+                out[f"nees6.{name}"] = float(np.nanmean(nees_of(solution, truth, bias)[keep]) / 6)
     if truth is not None:
         half = pointing.rates(truth, dt)
         out |= by_axis("imu_minus_truth", std((result.rates[1:-1] - half)[rates_keep]))

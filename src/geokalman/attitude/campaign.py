@@ -39,7 +39,9 @@ def filters(
     for trip in flights(scenario, n_seeds, seed0, data_dir):
         results = {s: solve(trip, s, tuning, names, use, calibrate) for s in chosen(satellite)}
         hz = tuning.update_hz
-        runs += [assess.statistics(result, trip.true_attitude(s, hz)) for s, result in results.items()]
+        runs += [
+            assess.statistics(result, trip.true_attitude(s, hz), trip.true_bias(s, tuning.axes, hz)) for s, result in results.items()
+        ]
         if len(results) == 2 and hz == 1 and "rts" in names:
             pairs.append(_pair(trip, results, pitch_offset_rad))
     return assess.table_of(runs) | (assess.table_of(pairs) if pairs else {})

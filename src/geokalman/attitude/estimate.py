@@ -40,7 +40,7 @@ class Measured(NamedTuple):
 class Solution:
     """Attitudes q (n, 4) with covariances cov (n, 3, 3) of their errors in SRF axes [rad^2], gyro biases bias (n, 3) [rad/s].
 
-    nis : (n,) normalised innovations squared, 3 degrees of freedom, NaN without an update; rejected : (n,) updates that the
+    full : (n, 6, 6) covariances of attitude and bias of the multiplicative filter, None for the paper's. nis : (n,) normalised innovations squared, 3 degrees of freedom, NaN without an update; rejected : (n,) updates that the
     gate refused. Epochs before the first camera are NaN.
     """
 
@@ -49,6 +49,7 @@ class Solution:
     cov: Array
     nis: Array
     rejected: Array
+    full: Array | None = None
 
     def flagged(self, limit_rad: float) -> Array:
         """Epochs (n,) whose standard deviation about some axis exceeds the limit [rad], or that have no estimate."""
@@ -119,12 +120,12 @@ def mekf(data: Measured, tuning: Tuning, scale: float = 1.0, start: Array | None
     )  # fmt: skip
     if failed >= 0:
         raise NotPositiveDefinite("innovation covariance", failed)
-    forward = Solution(c.q, c.b, c.P[:, :3, :3].copy(), nis, rejected)
+    forward = Solution(c.q, c.b, c.P[:, :3, :3].copy(), nis, rejected, c.P)
     return (forward, _smooth(c, nis, rejected)) if smooth else forward
 
 
 @njit(cache=True)
-def _transition(v, h, A):
+def transition(v, h, A):
     """A = [R(Exp v)', -J h; 0, I] with J = I - [v x] / 2 and the rotation by Rodrigues' formula."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     s = 1.0 - angle**2 / 6.0 if angle < 1e-4 else np.sin(angle) / angle
@@ -162,7 +163,7 @@ def _mekf(
                 v[i] = d[k - 1, i] - b[k - 1, i] * h
             retract_point(q[k - 1], v, work, q_pred[k])
             b_pred[k] = b[k - 1]
-            _transition(v, h, A)
+            transition(v, h, A)
             error_predict_step(P[k - 1], A, Q_lost if lost[k - 1] else Q, P_k)
             if keep:
                 A_all[k - 1] = A
@@ -193,7 +194,7 @@ def _smooth(c: _Course, nis: Array, rejected: Array) -> Solution:
     failed = _rts(c.first, c.q_pred, c.b_pred, c.P_pred, c.q, c.b, c.P, c.A, c.Q, c.Q_lost, c.lost, q, b, P)
     if failed >= 0:
         raise NotPositiveDefinite("predicted covariance", failed)
-    return Solution(q, b, P[:, :3, :3].copy(), nis, rejected)
+    return Solution(q, b, P[:, :3, :3].copy(), nis, rejected, P)
 
 
 @njit(cache=True)

@@ -43,6 +43,13 @@ class Flight:
         """True attitudes (n, 4) at `hz`, or None for real data."""
         return self.truth[satellite].at(hz, self.duration).q if self.truth else None
 
+    def true_bias(self, satellite: str, axes: tuple[int, ...], hz: int = 1) -> Array | None:
+        """True gyro biases (n, 3) [rad/s] in SRF axes, as the gyros in use see them, at `hz`; None for real data."""
+        if not self.truth:
+            return None
+        of_axes = self.truth[satellite].at(hz, self.duration).bias[:, [axis - 1 for axis in axes]]
+        return np.linalg.lstsq(gyro_matrix(satellite, axes), of_axes.T, rcond=None)[0].T
+
 
 def flight(scenario: Scenario, seed: int, data_dir: str = "", date: str = "") -> Flight:
     """Run `seed` of the scenario, or the first day (or `date`) of real files in `data_dir`."""

@@ -9,12 +9,23 @@ from geokalman.attitude.model import PHASE_CENTRE, Array, los_frame
 from geokalman.physics.quaternion import difference, matrix, rotate
 
 
-def angles(q: Array, r_self: Array, r_other: Array) -> Array:
+def antenna_frame(satellite: str) -> Array:
+    """C_SRF->K (3, 3): x along the vector to the K-band antenna phase centre, y across it and the SRF's z, z as near z as can be."""
+    x = PHASE_CENTRE[satellite] / np.linalg.norm(PHASE_CENTRE[satellite])
+    y = np.cross([0.0, 0.0, 1.0], x)
+    y /= np.linalg.norm(y)
+    return np.stack([x, y, np.cross(x, y)])
+
+
+def angles(q: Array, r_self: Array, r_other: Array, frame: Array | None = None) -> Array:
     """Pointing angles (n, 3) [rad], (roll, pitch, yaw), of the SRF against the line of sight. Equations (27), (28).
 
     M = C_LOS->SRF = R(q)' C_LOS->ICRF; roll = atan2(M23, M33), pitch = -asin(M13), yaw = atan2(M12, M11).
+    frame : (3, 3), rows are the axes to point in the SRF's place, as `antenna_frame` gives; the paper points the antenna, which
+    adds the constants -z/x of the phase centre to the pitch and y/x to the yaw (section 3.8).
     """
     M = np.einsum("kji,kjl->kil", matrix(q), los_frame(r_self, r_other))
+    M = M if frame is None else frame @ M
     return np.stack([np.arctan2(M[:, 1, 2], M[:, 2, 2]), -np.arcsin(M[:, 0, 2]), np.arctan2(M[:, 0, 1], M[:, 0, 0])], axis=1)
 
 
