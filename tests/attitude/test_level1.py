@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shutil
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +14,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from geokalman.attitude import cameras
 from geokalman.attitude import flight as flights
 from geokalman.attitude import read as day
 from geokalman.attitude import timetags, write
+from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.legacy import read_grace
-from geokalman.attitude.level1 import END, Level1Error, Level1Warning, Table, read
-from geokalman.attitude.model import EPOCH_2019, Scenario
+from geokalman.attitude.level1 import END, Level1Error, Level1Warning, Table, flag_meanings, read
+from geokalman.attitude.model import EPOCH_2019, Scenario, Tuning
 from geokalman.attitude.products import GRACE_FO, KEYS
 from geokalman.physics.quaternion import continuous, difference
 
@@ -142,8 +146,8 @@ def test_names_and_expectations(tmp_path):
 
 def test_records_of_another_satellite_are_refused(tmp_path):
     path = written(tmp_path)
-    edit(path, lambda body: [line.replace(" C ", " D ", 1) for line in body])
-    with pytest.raises(Level1Error, match="a record says satellite D, the file name C"):
+    k = edit(path, lambda body: [line.replace(" C ", " D ", 1) for line in body])
+    with pytest.raises(Level1Error, match=f"line {k + 1}: a record says satellite D, the file name C"):
         read(path)
 
 
@@ -277,6 +281,66 @@ def test_interleaved_cameras_in_any_order_with_flips_and_bad_confidence(tmp_path
     assert (np.einsum("ki,ki->k", good[1:], good[:-1]) > 0).all()
 
 
+@pytest.mark.parametrize(
+    ("meaning", "flags", "left"),
+    [
+        ("bit 3 = Sun in the field of view", "00001000", 0),
+        ("bit 3 = Moon in the field of view", "00001000", 0),
+        ("bit 0 = Valid flag (0=valid,1=invalid)", "00000001", 0),
+        ("bit 0 = Valid flag (1=valid,0=invalid)", "00000001", 1),
+        ("bit 6 = Orbit correction (used/not used)", "01000000", 1),
+    ],
+)
+@pytest.mark.parametrize("name", ["qualflg", "sca_mode"])
+def test_cameras_are_refused_by_flags_as_the_header_explains_them(tmp_path, short, name, meaning, flags, left):
+    """Bad input 10: Sun, Moon and validity, in the words of the file's own header."""
+    write.write_raw(tmp_path, short.raw["C"])
+    path = next(tmp_path.glob("SCA1A*"))
+    text = path.read_text()
+    path.write_text(text.replace(f"    long_name: {name}\n", f"    long_name: {name}\n    flag_meanings:\n      - {meaning}\n"))
+    column = {"sca_mode": 14, "qualflg": 15}[name]
+    others = "00000001" if "1=valid" in meaning else "00000000"
+
+    def spoil(body):
+        rows = [line.split() for line in body]
+        for k, row in enumerate(rows):
+            row[column] = flags if k < 40 else others
+        return [" ".join(row) + "\n" for row in rows]
+
+    edit(path, spoil)
+    whole = np.isfinite(short.raw["C"].q_camera[..., 0]).sum()
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        back, _ = day.raw(tmp_path, "C", DATE)
+    assert np.isfinite(back.q_camera[..., 0]).sum() == whole - (0 if left else 40)
+    said = " ".join(str(w.message) for w in seen)
+    assert (f"{path}: 40 of {whole} records left out by their flags" in said) == (not left)
+
+
+def test_flags_that_nothing_explains_are_warned_of(tmp_path, short):
+    write.write_raw(tmp_path, short.raw["C"])
+    path = next(tmp_path.glob("SCA1A*"))
+    edit(path, lambda body: [" ".join([*body[0].split()[:15], "00000100"]) + "\n", *body[1:]])
+    with pytest.warns(Level1Warning, match=r"SCA1A_.*: qualflg of 1 of \d+ records has bits set that the header does not explain, as 00000100"):
+        day.raw(tmp_path, "C", DATE)
+    edit(path, lambda body: [" ".join([*line.split()[:14], "7", line.split()[15]]) + "\n" for line in body])
+    with pytest.warns(Level1Warning, match="sca_mode is '7', not a string of 0 and 1"):
+        day.raw(tmp_path, "C", DATE)
+    text = path.read_text()
+    path.write_text(text.replace("    long_name: qualflg\n", "    long_name: qualflg\n    flag_meanings: bit 2 = invalid, bit 3 = Sun\n"))
+    edit(path, lambda body: [" ".join([*line.split()[:15], "00000100"]) + "\n" for line in body])
+    with pytest.warns(Level1Warning), pytest.raises(Level1Error, match="the flags sca_mode and qualflg refuse all"):
+        day.raw(tmp_path, "C", DATE)
+
+
+def test_meanings_of_flags_in_both_forms_of_the_header():
+    listed = {"variables": [{"qualflg": {"flag_meanings": ["bit 0 = Phase break", "bit 2: Sun"]}}, {"name": "mode"}, "x", 3]}
+    assert flag_meanings(listed, "qualflg") == {0: "Phase break", 2: "Sun"}
+    plain = {"variables": [{"name": "qualflg", "flag_meanings": "bit 0 = Phase break, bit 1 = Moon"}]}
+    assert flag_meanings(plain, "qualflg") == {0: "Phase break", 1: "Moon"}
+    assert flag_meanings(plain, "mode") == flag_meanings({}, "mode") == {}
+
+
 def test_no_usable_camera_is_said(tmp_path, short):
     write.write_raw(tmp_path, short.raw["C"])
     edit(next(tmp_path.glob("SCA1A*")), lambda body: [" ".join([*line.split()[:11], "7", *line.split()[12:]]) + "\n" for line in body])
@@ -335,6 +399,14 @@ def test_neighbouring_days_mend_the_edges(tmp_path, short):
     with pytest.warns(Level1Warning, match="header promises"):
         _, edge = day.raw(tmp_path, "C", DATE)
     assert edge[:30].all() and not edge[60:].any()
+    write.write_raw(tmp_path, short.raw["D"])
+    for s in ("C", "D"):
+        write.write_orbit(tmp_path, s, short.t, short.r[s], short.v[s])
+    with pytest.warns(Level1Warning, match=r"2\d seconds of GRACE-C from \d+ s on stand at an edge of its clock"):
+        trip = flights.flight(Scenario(), 0, str(tmp_path))
+    assert len(trip.edge["C"]) > 15 and not len(trip.edge["D"])
+    marked = flights.solve(trip, "C", Tuning(), ("mekf",)).edge
+    assert marked[:15].all() and not marked[30:].any()
     before = tmp_path / path.name.replace(DATE, "2018-12-31")
     before.write_text(path.read_text().replace(DATE, "2018-12-31"))
     edit(before, lambda body: [line for line in rows["all"] if int(line.split()[0]) < EPOCH_2019 + 20])
@@ -410,16 +482,56 @@ def test_what_a_folder_lacks_is_said(folder, tmp_path, short):
         day.qsa(tmp_path, "C", DATE)
 
 
-def test_a_gyro_axis_without_rows_is_nan(tmp_path, short, tuning):
-    raw = short.raw["C"]
-    write.write_raw(tmp_path, raw)
-    edit(next(tmp_path.glob("IMU1A*")), lambda body: [line for line in body if line.split()[4] != "4"])
+def test_a_gyro_axis_without_rows_is_left_out(folder, tmp_path, short, tuning):
+    """Bad input 9 through files, with the default four axes."""
+    copied = shutil.copytree(folder, tmp_path / "day")
+    edit(next(copied.glob("IMU1A*_C_04.txt")), lambda body: [line for line in body if line.split()[4] != "4"])
     with pytest.warns(Level1Warning, match="header promises"):
-        back, _ = day.raw(tmp_path, "C", DATE)
-    assert np.isnan(back.gyro[3]).all() and np.isfinite(back.gyro[:3]).all()
-    from geokalman.attitude import gyro
+        trip = flights.flight(Scenario(), 0, str(copied))
+    assert np.isnan(trip.raw["C"].gyro[3]).all() and np.isfinite(trip.raw["C"].gyro[:3]).all()
+    with pytest.warns(GyroWarning, match="GRACE-C: gyro axis 4 gave no samples"):
+        result = flights.solve(trip, "C", tuning, ("mekf",))
+    expected = flights.solve(short, "C", replace(tuning, axes=(1, 2, 3)), ("mekf",))
+    assert np.nanmax(np.abs(difference(result.solutions["mekf"].q, expected.solutions["mekf"].q))) < 2e-9
+    edit(next(copied.glob("IMU1A*_D_04.txt")), lambda body: [line for line in body if line.split()[4] in "12"])
+    with pytest.warns(Level1Warning), pytest.raises(Level1Error, match=r"IMU1A_.*_D_04.txt: records of gyro axes \[1, 2\] only"):
+        flights.flight(Scenario(), 0, str(copied))
 
-    assert np.isfinite(gyro.reduced(back, replace(tuning, axes=(1, 2, 3))).d).all()
+
+def test_axes_of_unequal_counts_are_written_and_read(tmp_path, short):
+    """A lost sample of one axis: arrays = read(write(arrays)) all the same."""
+    raw = short.raw["C"]
+    t, angle = raw.t_gyro.copy(), raw.gyro.copy()
+    t[1, 7:-1], angle[1, 7:-1] = t[1, 8:], angle[1, 8:]
+    t[1, -1] = angle[1, -1] = np.nan
+    write.write_raw(tmp_path, replace(raw, t_gyro=t, gyro=angle))
+    back, _ = day.raw(tmp_path, "C", DATE)
+    np.testing.assert_array_equal(back.gyro, angle)
+    np.testing.assert_array_equal(np.isnan(back.t_gyro), np.isnan(t))
+    assert np.nanmax(np.abs(back.t_gyro - t)) < 6e-7
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.13])
+def test_files_are_filtered_at_2_hz(tmp_path, short, tuning, offset):
+    """The cameras' tags may stand off the half seconds; then splines give the attitude there."""
+    raw = short.raw["C"]
+    moved = replace(raw, t_camera=raw.t_camera + offset, q_camera=raw.q_camera)
+    whole = cameras.at_seconds(flights.combination(raw, tuning), 2)
+    combined = cameras.at_seconds(flights.combination(moved, tuning), 2)
+    assert (np.diff(combined.t) == 0.5).all() and np.abs(combined.t * 2 - np.round(combined.t * 2)).max() == 0
+    np.testing.assert_array_equal(whole.q, flights.combination(raw, tuning).q)
+    inside = np.isfinite(combined.q[:, 0])
+    assert inside.mean() > 0.9 and (np.isfinite(combined.cov[inside]).all())
+    for s in ("C", "D"):
+        write.write_raw(tmp_path, short.raw[s] if s == "D" else moved)
+        write.write_orbit(tmp_path, s, short.t, short.r[s], short.v[s])
+    back = flights.flight(Scenario(), 0, str(tmp_path))
+    fast = flights.solve(back, "C", replace(tuning, update_hz=2), ("mekf", "rts"))
+    truth = flights.flight(Scenario(duration_s=120.0), 1).true_attitude("C", 2)
+    if offset == 0.0:
+        error = difference(fast.solutions["rts"].q, truth[np.isin(np.arange(len(truth)) / 2, np.round(fast.t * 2) / 2)])
+        assert np.sqrt(np.nanmean(error**2)) < 1e-5
+    assert fast.measured.dt == 0.5 and np.isfinite(fast.solutions["mekf"].q[2:]).all()
 
 
 # --- the older layout ---
@@ -492,6 +604,10 @@ _FIELD = st.one_of(
     st.integers(-(10**20), 10**20).map(str),
     _TEXT,
 )
+OF_THE_WHOLE = re.compile(
+    r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no records after"
+)
+"""Reasons that concern a file as a whole, not one of its lines."""
 _SLOW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -515,16 +631,19 @@ def test_fuzzed_fields_never_crash_nor_lie(tmp_path, product, data):
     """One field of one record replaced by anything: the record is left out with its line, or the number that is there is read."""
     path = written(tmp_path, product, 120, "Y" if product == "KBR1B" else "C")
     row, position, text = data.draw(st.integers(0, 119)), data.draw(st.integers(0, len(GRACE_FO[product]) - 1)), data.draw(_FIELD)
-    edit(path, lambda body: [*body[:row], " ".join([*body[row].split()[:position], text, *body[row].split()[position + 1 :]]) + "\n", *body[row + 1 :]])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Level1Warning)
+    k = edit(path, lambda body: [*body[:row], " ".join([*body[row].split()[:position], text, *body[row].split()[position + 1 :]]) + "\n", *body[row + 1 :]])
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always", Level1Warning)
         try:
             table = read(path)
         except Level1Error as error:
-            assert path.name in str(error)
+            assert path.name in str(error) and re.search(rf"line {k + row + 1}\b", str(error))
             return
+    said = " ".join(str(w.message) for w in seen)
     sane(table)
     assert 118 <= len(table) <= 121
+    if len(table) < 120:
+        assert path.name in said and (re.search(rf"line {k + row + 1}\b", said) or "duplicate time tag" in said)
     column = GRACE_FO[product][position]
     if len(table) == 120 and column.kind in ("int", "float") and len(text.split()) == 1 and "quat" not in column.name:
         number = int(text) if column.kind == "int" else float(text)
@@ -548,7 +667,7 @@ def test_fuzzed_bytes_never_crash(tmp_path, product, data):
         try:
             sane(read(path))
         except Level1Error as error:
-            assert path.name in str(error)
+            assert path.name in str(error) and (re.search(r", line \d+", str(error)) or OF_THE_WHOLE.search(str(error)))
 
 
 @pytest.mark.parametrize("name", ["SCA1B_2003-09-14_A_00.asc", "KBR1B_2003-09-14_X_00.asc"])
@@ -566,4 +685,4 @@ def test_fuzzed_files_of_the_older_layout(tmp_path, name, data):
         try:
             sane(read_grace(tmp_path / name))
         except Level1Error as error:
-            assert name in str(error)
+            assert name in str(error) and (re.search(r", line \d+", str(error)) or OF_THE_WHOLE.search(str(error)))

@@ -244,10 +244,10 @@ def reference_at(trip: Flight, satellite: str, t: Array, tuning: Tuning) -> Arra
     return spline(result.t[good], result.solutions["rts"].q[good], inside)
 
 
-def angles_of(trip: Flight, satellite: str, q: Array) -> Array:
-    """Pointing angles (n, 3) of attitudes at the whole seconds of the flight."""
+def angles_of(trip: Flight, satellite: str, q: Array, frame: Array | None = None) -> Array:
+    """Pointing angles (n, 3) of attitudes at the whole seconds of the flight; frame as `pointing.angles` takes it."""
     other = SATELLITES[1 - SATELLITES.index(satellite)]
-    return pointing.angles(q, trip.r[satellite], trip.r[other])
+    return pointing.angles(q, trip.r[satellite], trip.r[other], frame)
 
 
 def camera_angles(trip: Flight, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]], calibrate: bool = False) -> dict[str, Array]:

@@ -184,6 +184,7 @@ def records(
 ) -> Table:
     """Parse, check and order the records that follow a header; `first` is the number of their first line in the file."""
     pieces: list[dict[str, np.ndarray]] = []
+    numbers: list[int] = []
     bad: list[tuple[int, str]] = []
     number, lines = first, []
     total, unfinished = 0, False
@@ -191,7 +192,9 @@ def records(
     def flush() -> None:
         nonlocal lines
         if lines:
-            pieces.append(_parse(lines, schema, bad))
+            piece, sound = _parse(lines, schema, bad)
+            pieces.append(piece)
+            numbers.extend(sound)
             lines = []
 
     for line in stream:
@@ -223,7 +226,7 @@ def records(
     letters = columns.get("GRACEFO_id", columns.get("GRACE_id"))
     if letters is not None and len(letters) and parts["satellite"] not in "XY" and (letters != parts["satellite"]).any():
         k = int(np.argmax(letters != parts["satellite"]))
-        raise Level1Error(f"{path}: a record says satellite {letters[k]}, the file name {parts['satellite']}.")
+        raise Level1Error(f"{path}, line {numbers[k]}: a record says satellite {letters[k]}, the file name {parts['satellite']}.")
     columns = _in_order(parts["product"], columns, notes)
     columns = _quaternions(columns, notes)
     for note in notes:
@@ -235,20 +238,23 @@ def _empty(column: Column) -> np.ndarray:
     return np.empty(0, {"int": np.int64, "float": float}.get(column.kind, str))
 
 
-def _parse(lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]) -> dict[str, np.ndarray]:
-    """Columns of a chunk of lines: converted whole where every field is sound, else without the bad records."""
+def _parse(
+    lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]
+) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns of a chunk of lines, converted whole where every field is sound, else without the bad records; lines of the sound."""
     try:
-        return _convert([line for _, line in lines], schema)
+        return _convert([line for _, line in lines], schema), [number for number, _ in lines]
     except ValueError:
         pass
-    good = []
+    good, numbers = [], []
     for number, line in lines:
         fault = _fault(line.split(), schema)
         if fault:
             bad.append((number, fault))
         else:
             good.append(line)
-    return _convert(good, schema)
+            numbers.append(number)
+    return _convert(good, schema), numbers
 
 
 def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:

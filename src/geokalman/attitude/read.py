@@ -74,7 +74,7 @@ def refused(table: Table, name: str) -> np.ndarray:
     texts = table[name]
     none = np.zeros(len(texts), bool)
     if any(text.strip("01") for text in np.unique(texts)):
-        warnings.warn(f"{table.path}: {name} is {texts[0]!r}, not a string of 0 and 1; it was not used.", Level1Warning, stacklevel=4)
+        warnings.warn(f"{table.path}: {name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used.", Level1Warning, stacklevel=4)
         return none
     bits, meanings = flag_bits(texts), flag_meanings(table.header, name)
     valid = sum(1 << bit for bit, text in meanings.items() if VALID.search(text))
@@ -82,8 +82,8 @@ def refused(table: Table, name: str) -> np.ndarray:
     dark = (bits & ~sum(1 << bit for bit in meanings)) != 0
     if dark.any():
         warnings.warn(
-            f"{table.path}: {int(dark.sum())} records have bits of {name} set that the header does not explain, as "
-            f"{texts[int(np.argmax(dark))]}; they were used.", Level1Warning, stacklevel=4,
+            f"{table.path}: {name} of {int(dark.sum())} of {len(dark)} records has bits set that the header does not explain, as "
+            f"{texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
         )  # fmt: skip
     return (bits & bad != 0) | (bits & valid != valid)
 

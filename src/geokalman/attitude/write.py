@@ -106,11 +106,12 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
     }  # fmt: skip
     paths.append(write(folder, "SCA1A", s, date, columns))
     there = np.isfinite(raw.t_gyro.T) & np.isfinite(raw.gyro.T)  # axes have unequal counts, padded with NaN
-    whole, fraction = _tags(obc_time(raw.t_gyro.T[there]), origin)
+    order = np.argsort(raw.t_gyro.T[there], kind="stable")
+    whole, fraction = _tags(obc_time(raw.t_gyro.T[there][order]), origin)
     k = len(whole)
     columns = {
         "time_intg": whole, "time_frac": fraction, "time_ref": np.full(k, "O"), "GRACEFO_id": np.full(k, s),
-        "gyro_id": np.nonzero(there)[1] + 1, "FiltAng": raw.gyro.T[there], "qualflg": np.full(k, "00000000"),
+        "gyro_id": np.nonzero(there)[1][order] + 1, "FiltAng": raw.gyro.T[there][order], "qualflg": np.full(k, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "IMU1A", s, date, columns))
     q = raw.q_qsa
