@@ -54,10 +54,13 @@ def test_bars_stand_beside_what_is_printed():
 
 
 def test_closeness_and_accuracy():
-    figure = figures.closeness_and_accuracy({"default": [("mekf", 1e-7, 2e-6)], "paper-tuned": [("mekf", 2e-7, 3e-6), ("rts", 1e-7, 1e-6)]})
+    figure = figures.closeness_and_accuracy({"default": [("mekf", 1e-7, 2e-6, 1e-7)], "paper-tuned": [("mekf", 2e-7, 3e-6, 0.0), ("rts", 1e-7, 1e-6, 0.0)]})
     left, right = figure.axes
     assert left.lines[0].get_data() == ([pytest.approx(1.0)], [pytest.approx(2.0)])
-    assert left.get_title() == "default" and len(right.lines) == 2
+    assert left.get_title() == "default"
+    assert sum(line.get_marker() in "^o" for line in right.lines) == 2
+    bar = left.collections[0].get_segments()[0]
+    np.testing.assert_allclose(bar, [(1.0, 1.9), (1.0, 2.1)])
     assert "10⁻⁷ rad/s" in left.get_xlabel() and "µrad" in left.get_ylabel()
 
 

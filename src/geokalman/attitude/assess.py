@@ -84,8 +84,9 @@ def statistics(result: Solved, truth: Array | None, bias: Array | None = None) -
         if name not in SMOOTHERS:
             out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep][sound]) / 3)
         if truth is not None:
-            true_rates = pointing.rates(truth, dt)
-            out |= by_axis(f"rate_minus_truth.{name}", std((pointing.rates(solution.q, dt) - true_rates)[rates_keep]))
+            seconds = slice(None, None, round(1.0 / dt))  # rates over a second either side, at any rate of updates
+            apart = pointing.rates(solution.q[seconds]) - pointing.rates(truth[seconds])
+            out |= by_axis(f"rate_minus_truth.{name}", std(apart[inner(len(apart))]))
             out[f"nees3.{name}"] = float(np.nanmean(nees_of(solution, truth)[keep]) / 3)
         if bias is not None:
             out |= by_axis(f"bias_rms.{name}", rms((bias - solution.bias)[keep]))

@@ -21,6 +21,11 @@ def chosen(satellite: str) -> tuple[str, ...]:
     return SATELLITES if satellite == "both" else (satellite,)
 
 
+def against(data_dir: str) -> str:
+    """What errors are counted from, for captions: the truth of a simulation, or with real files the smoothed attitude."""
+    return "the smoothed attitude" if data_dir else "the truth"
+
+
 def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") -> Iterator[Flight]:
     """Flights of an ensemble one after the other; real files are one flight."""
     for k in range(1 if data_dir else n_seeds):

@@ -82,24 +82,27 @@ def bars(groups: Mapping[str, Sequence[float]], errors: Mapping[str, Sequence[fl
         if printed and name in printed:
             axes.hlines(printed[name], x - 0.45 * width, x + 0.45 * width, color=ink(), linestyle="--", linewidth=1.4,
                         label="printed" if "printed" not in axes.get_legend_handles_labels()[1] else None)
+    handles, labels = axes.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda k: labels[k] == "printed")
     axes.set_axisbelow(True)
     axes.set_xticks(range(len(names)), names)
     axes.set_ylabel(ylabel)
-    axes.legend(loc="upper left", bbox_to_anchor=(0, 1.2), ncols=4)
+    figure.legend([handles[k] for k in order], [labels[k] for k in order], loc="outside upper center", ncols=len(labels))
     return figure
 
 
-def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
+def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float, float]]]) -> Figure:
     """Error of the attitude [rad] against closeness to the gyro [rad/s], one marker per filter, a panel per preset.
 
-    points : preset -> (method, std of rate minus gyro rate, rms of the attitude error against the truth).
+    points : preset -> (method, std of rate minus gyro rate, rms of the attitude error against the truth, its spread over runs).
     """
     figure, axes = plt.subplots(1, len(points), figsize=(7.2, 3.6), sharey=True, squeeze=False)
     for axis, (preset, group) in zip(axes[0], points.items(), strict=True):
-        for name, closeness, accuracy in group:
+        for name, closeness, accuracy, spread in group:
             method = _look(name)
-            axis.plot(1e7 * closeness, 1e6 * accuracy, method.marker, color=method.colour, markersize=8, label=method.label, linestyle="none")
+            axis.errorbar(1e7 * closeness, 1e6 * accuracy, 1e6 * spread, fmt=method.marker, color=method.colour, markersize=8, capsize=3, label=method.label)
         axis.set(xlabel="rate minus gyro rate, std [10⁻⁷ rad/s]", title=preset, xlim=(0, None))
+        axis.margins(x=0.08)
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
@@ -173,8 +176,9 @@ def gap(t: Array, error: Mapping[str, Array], sigma: Mapping[str, Array], start:
 def settling(t: Array, angle: Mapping[str, Array]) -> Figure:
     """Angle of the attitude error [rad] after a wrong start, per starting angle."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    for (word, values), method in zip(angle.items(), ("sca1", "sca2", "sca3", "neutral"), strict=False):
-        axes.semilogy(t, values, color=METHODS[method].colour, linestyle=METHODS[method].line, label=word)
+    looks = (("mekf", "-"), ("akf7", "-"), ("mekf", "--"), ("akf7", "--"), ("neutral", ":"), ("neutral", "-."))
+    for (word, values), (method, line) in zip(angle.items(), looks, strict=False):
+        axes.semilogy(t, values, color=METHODS[method].colour, linestyle=line, label=word)
     axes.set(xlabel="time after the start [s]", ylabel="attitude error [rad]")
     axes.legend()
     return figure
@@ -188,6 +192,7 @@ def mean_changes(groups: Mapping[str, Sequence[float]], expected: Mapping[str, f
         axes.bar(np.arange(3) + (k - 0.5) * 0.35, 1e3 * np.asarray(values), 0.32, color=method.colour, label=f"GRACE-{satellite}")
         axes.hlines(1e3 * expected[satellite], 1 + (k - 0.5) * 0.35 - 0.16, 1 + (k - 0.5) * 0.35 + 0.16, color=ink(), linestyle="--", label="shift × orbit rate" if k == 0 else None)
     axes.axhline(0, color=ink(), linewidth=0.6)
+    axes.set_axisbelow(True)
     axes.set_xticks(range(3), AXES)
     axes.set_ylabel("change of the mean [mrad]")
     axes.legend()

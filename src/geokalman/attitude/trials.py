@@ -25,6 +25,11 @@ class Gap(NamedTuple):
     sigma: dict[str, Array]
     first: int
     last: int
+    solutions: dict[str, Solution]
+
+    def flagged(self, limit_rad: float) -> Array:
+        """Epochs (n,) of the filter whose standard deviation exceeds the limit [rad], or that have no estimate."""
+        return self.solutions["mekf"].flagged(limit_rad)
 
 
 def with_gap(measured: Measured, first: int, count: int) -> Measured:
@@ -47,6 +52,7 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
         {name: np.sqrt(np.einsum("kii->ki", x.cov)) for name, x in solutions.items()},
         first,
         first + count - 1,
+        solutions,
     )
 
 
