@@ -60,6 +60,8 @@ def test_acceleration_differences(short):
     assert np.abs(pointing.acceleration_difference(q, q, a)).max() == 0.0
     change = pointing.acceleration_difference(q, effect.turned(q, 6e-4), a)
     np.testing.assert_allclose(np.linalg.norm(change, axis=1), 6e-4 * np.hypot(a[:, 0], a[:, 2]), rtol=1e-3)
+    with pytest.raises(ValueError, match="acc_bias = .* must have three components"):
+        effect.accelerometer(short, "C", q, (1e-6, 0.0))
     biased = effect.accelerometer(short, "C", q, (1e-6, 0.0, 1e-6))
     np.testing.assert_allclose(biased - a, np.tile([1e-6, 0, 1e-6], (len(a), 1)), atol=1e-20)
 

@@ -77,12 +77,17 @@ def test_weights_gyro_and_changes():
     np.testing.assert_allclose(figure.axes[0].lines[0].get_data()[1], [60, 16])
     assert "µrad" in figure.axes[0].get_ylabel()
     t = np.arange(100.0)
-    figure = figures.gyro_chain(t, t - 50, t, t, 1e-8 * t)
+    wrapped = np.where(t < 40, 5700 + t, t - 5700)
+    figure = figures.gyro_chain(t, wrapped, t, t, 1e-8 * t, 5e-7, 20.0)
+    np.testing.assert_allclose(figure.axes[0].lines[1].get_data(), [t[19:60] / 60, t[19:60]])
     np.testing.assert_allclose(figure.axes[1].lines[0].get_data()[1], 10 * t)
+    assert [line.get_ydata()[0] for line in figure.axes[1].lines[1:]] == pytest.approx([-500, 500])
+    assert labels(figure) == ["as it comes", "unwrapped", "fault, if beyond for 1 s"]
     assert figure.axes[1].get_ylabel() == "parity residual [nrad]" and figure.axes[0].get_ylabel() == "filtered angle [deg]"
-    figure = figures.mean_changes({"C": [0, -5e-4, 0], "D": [0, 5e-4, 0]}, {"C": -5.5e-4, "D": 5.5e-4})
+    figure = figures.mean_changes({"C": [0, -5e-4, 0], "D": [0, 5e-4, 0]}, {"C": -5.5e-4, "D": 5.5e-4}, 6e-4)
     assert [round(bar.get_height(), 6) for bar in figure.axes[0].patches] == [0, -0.5, 0, 0, 0.5, 0]
     assert figure.axes[0].get_ylabel() == "change of the mean [mrad]"
+    assert "printed, no sign given" in figure.axes[0].get_legend_handles_labels()[1]
 
 
 def test_gap_and_settling():

@@ -107,6 +107,13 @@ def test_impossible_scenarios_are_refused(change, message):
         Scenario(**change)
 
 
+def test_what_is_named_twice_is_refused():
+    with pytest.raises(ValueError, match=r"axes = \[1, 1, 2, 3\] names 1 twice"):
+        Tuning.from_parameters({"axes": [1, 2, 1, 3]})
+    with pytest.raises(ValueError, match=r"cameras_off = \[1, 1\] names 1 twice"):
+        Scenario.from_parameters({"cameras_off": [1, 1]})
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [({"axes": (1, 2)}, "leaves the rate undetermined"), ({"kappa": -1.0}, "kappa = -1 must be positive"), ({"update_hz": 4}, "update_hz = 4 is not offered")],

@@ -49,6 +49,8 @@ def columns_of(product, n=200, seed=0):
             out[column.name] = np.full(n, "I")
         elif column.name in ("gyro_id", "sca_id"):
             out[column.name] = 1 + np.arange(n) % 3
+        elif column.name == "FiltAng":
+            out[column.name] = rng.uniform(-5758, 5758, n)
         elif column.kind == "int":
             out[column.name] = rng.integers(0, 1000, n)
         elif column.kind == "float":
@@ -229,6 +231,13 @@ def test_microseconds_out_of_range_are_bad(tmp_path):
     path = written(tmp_path, "IMU1A")
     edit(path, lambda body: [" ".join([body[0].split()[0], "1000000", *body[0].split()[2:]]) + "\n", *body[1:]])
     with pytest.warns(Level1Warning, match=r"column 2 \(time_frac\) is 1000000, outside 0 to 999999"):
+        assert len(read(path)) == 199
+
+
+def test_gyro_angles_beyond_their_range_are_bad(tmp_path):
+    path = written(tmp_path, "IMU1A")
+    k = edit(path, lambda body: [*body[:3], " ".join([*body[3].split()[:5], "9999.0", body[3].split()[6]]) + "\n", *body[4:]])
+    with pytest.warns(Level1Warning, match=rf"line {k + 4}: column 6 \(FiltAng\) is 9999.0, beyond \+-5759"):
         assert len(read(path)) == 199
 
 
@@ -475,7 +484,10 @@ def test_what_a_folder_lacks_is_said(folder, tmp_path, short):
     with pytest.raises(Level1Error, match="no SCA1A_YYYY"):
         flights.flight(Scenario(), 0, str(tmp_path))
     write.write_raw(tmp_path, short.raw["C"])
-    with pytest.raises(Level1Error, match="no file SCA1A_2019-01-01_D"):
+    with pytest.raises(Level1Error, match="no file SCA1A_2019-01-01_D.*the files of both satellites are needed"):
+        flights.flight(Scenario(), 0, str(tmp_path))
+    (tmp_path / "SCA1A_2019-01-01_D_04.txt.gz").write_bytes(b"")
+    with pytest.raises(Level1Error, match="unpack SCA1A_2019-01-01_D_04.txt.gz"):
         flights.flight(Scenario(), 0, str(tmp_path))
     next(tmp_path.glob("QSA1B*")).unlink()
     with pytest.warns(Level1Warning, match="The mounting of GRACE-C that the book holds is used"):

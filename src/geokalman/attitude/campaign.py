@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -24,6 +25,11 @@ def chosen(satellite: str) -> tuple[str, ...]:
 def against(data_dir: str) -> str:
     """What errors are counted from, for captions: the truth of a simulation, or with real files the smoothed attitude."""
     return "the smoothed attitude" if data_dir else "the truth"
+
+
+def origin(data_dir: str) -> str:
+    """The sentence with which a caption says where its numbers come from."""
+    return f"From the files in {Path(data_dir).name}." if data_dir else "Simulated."
 
 
 def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") -> Iterator[Flight]:

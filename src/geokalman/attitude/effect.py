@@ -35,7 +35,12 @@ def nongravitational(r: Array, v: Array) -> Array:
 
 
 def accelerometer(trip: Flight, satellite: str, q: Array, acc_bias: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
-    """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q."""
+    """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q.
+
+    Raises ValueError for a bias without three components.
+    """
+    if len(acc_bias) != 3:
+        raise ValueError(f"acc_bias = {list(acc_bias)} must have three components, along x, y and z of the satellite.")
     if satellite in trip.accelerations:
         return trip.accelerations[satellite] + np.array(acc_bias)
     return rotate(conjugate(q), nongravitational(trip.r[satellite], trip.v[satellite])) + np.array(acc_bias)

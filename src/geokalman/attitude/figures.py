@@ -144,17 +144,30 @@ def weights(ks: Sequence[float], errors: Array, true_k: float) -> Figure:
     return figure
 
 
-def gyro_chain(t: Array, wrapped: Array, unwrapped: Array, t_parity: Array, parity: Array) -> Figure:
-    """Filtered angle of an axis as it comes and unwrapped [deg], and its parity residual (m,) [rad]."""
-    figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.2, 4.4), sharex=True)
-    k = _thin(len(t))
-    upper.plot(t[::k] / 3600, wrapped[::k], ".", markersize=1.5, color=METHODS["sca2"].colour, label="as it comes")
-    upper.plot(t[::k] / 3600, unwrapped[::k], color=METHODS["sca1"].colour, label="unwrapped")
-    upper.set_ylabel("filtered angle [deg]")
-    upper.legend(loc="center left")
+def gyro_chain(
+    t: Array, wrapped: Array, unwrapped: Array, t_parity: Array, parity: Array, limit: float, around_s: float = 600.0
+) -> Figure:
+    """Filtered angle of an axis as it comes and unwrapped [deg] around its first wrap, and its parity residual (m,) [rad].
+
+    limit : size [rad] that the residual of a sound axis does not exceed for a second; around_s : span shown on either side.
+    """
+    figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.2, 4.8))
+    jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 5000.0)
+    middle = t[jumps[0]] if len(jumps) else t[0] + around_s
+    near = np.abs(t - middle) <= around_s
+    k = _thin(int(near.sum()))
+    upper.plot(t[near][::k] / 60, wrapped[near][::k], ".", markersize=2, color=METHODS["sca2"].colour, label="as it comes")
+    upper.plot(t[near][::k] / 60, unwrapped[near][::k], color=METHODS["sca1"].colour, label="unwrapped")
+    upper.set(xlabel="time [min]", ylabel="filtered angle [deg]")
     k = _thin(len(t_parity))
     lower.plot(t_parity[::k] / 3600, 1e9 * parity[::k], color=METHODS["neutral"].colour, linewidth=0.4, rasterized=True)
+    for sign in (-1, 1):
+        lower.axhline(sign * 1e9 * limit, color=ink(), linestyle="--", linewidth=0.9, label="fault, if beyond for 1 s" if sign > 0 else None)
     lower.set(xlabel="time [h]", ylabel="parity residual [nrad]")
+    pairs = [pair for axis in (upper, lower) for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
+    legend = figure.legend(*map(list, zip(*pairs, strict=True)), loc="outside upper center", ncols=3)
+    for handle in legend.legend_handles:
+        handle.set_markersize(6)
     return figure
 
 
@@ -184,13 +197,15 @@ def settling(t: Array, angle: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def mean_changes(groups: Mapping[str, Sequence[float]], expected: Mapping[str, float]) -> Figure:
-    """Change of the mean attitude [rad] per axis of each satellite, and the change expected in pitch."""
+def mean_changes(groups: Mapping[str, Sequence[float]], expected: Mapping[str, float], printed: float) -> Figure:
+    """Change of the mean attitude [rad] per axis of each satellite, the change expected in pitch, and the size printed [rad]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for k, (satellite, values) in enumerate(groups.items()):
         method = METHODS[("sca1", "sca2")[k]]
         axes.bar(np.arange(3) + (k - 0.5) * 0.35, 1e3 * np.asarray(values), 0.32, color=method.colour, label=f"GRACE-{satellite}")
         axes.hlines(1e3 * expected[satellite], 1 + (k - 0.5) * 0.35 - 0.16, 1 + (k - 0.5) * 0.35 + 0.16, color=ink(), linestyle="--", label="shift × orbit rate" if k == 0 else None)
+    for sign in (-1, 1):
+        axes.hlines(sign * 1e3 * printed, 0.6, 1.4, color=METHODS["neutral"].colour, linestyle=":", label="printed, no sign given" if sign > 0 else None)
     axes.axhline(0, color=ink(), linewidth=0.6)
     axes.set_axisbelow(True)
     axes.set_xticks(range(3), AXES)

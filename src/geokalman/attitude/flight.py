@@ -64,6 +64,8 @@ def _from_files(folder: Path, date: str) -> Flight:
     days = read.dates(folder)
     if not days:
         raise Level1Error(f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of unpacked GRACE-FO Level-1A and 1B files of one day.")
+    if not date and len(days) > 1:
+        warnings.warn(f"{folder}: files of {len(days)} days; the first, {days[0]}, is taken.", Level1Warning, stacklevel=3)
     date = date or days[0]
     raw, edges = {}, {}
     for s in SATELLITES:

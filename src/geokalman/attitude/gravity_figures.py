@@ -21,7 +21,7 @@ def degree_variances(degree: Array, curves: Mapping[str, tuple[str, Array]]) -> 
     for key, (label, values) in curves.items():
         method = METHODS[LOOK[key]]
         axes.semilogy(degree, values, color=method.colour, linestyle=method.line, marker=method.marker, markevery=5, label=label)
-    axes.set(xlabel="degree n", ylabel="degree variance")
+    axes.set(xlabel="degree n", ylabel="degree variance [dimensionless]")
     axes.legend(loc="upper left", bbox_to_anchor=(0, -0.16), ncols=2)
     return figure
 

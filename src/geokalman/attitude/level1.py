@@ -21,6 +21,7 @@ FEWEST = 0.5
 NORM_REFUSED, NORM_EXACT = 1e-3, 1e-9
 CHUNK = 50_000  # lines that are converted at a time
 LONGEST = 40  # characters of a field
+LIMITS = {"FiltAng": 5759.0}  # deg: gyro angles wrap at 5758; beyond is no angle
 FORMS = {
     "int": re.compile(r"[+-]?[0-9]+\Z"),
     "float": re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE),
@@ -283,6 +284,8 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
         modulus = SECOND_FRACTIONS.get(column.name)
         if modulus and ((values < 0) | (values >= modulus)).any():
             raise ValueError
+        if column.name in LIMITS and (np.abs(values) > LIMITS[column.name]).any():
+            raise ValueError
         out[column.name] = values
     if "quatangle" in out and not (np.abs(_norm(out) - 1.0) <= NORM_REFUSED).all():
         raise ValueError
@@ -318,6 +321,8 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
         modulus = SECOND_FRACTIONS.get(column.name)
         if modulus and not 0 <= value < modulus:
             return f"column {k} ({column.name}) is {text[:30]}, outside 0 to {modulus - 1}"
+        if column.name in LIMITS and abs(value) > LIMITS[column.name]:
+            return f"column {k} ({column.name}) is {text[:30]}, beyond +-{LIMITS[column.name]:g}"
     if not any(c is not None and c.name == "quatangle" for c in schema):
         return ""
     norm = float(_norm(_named(row, schema)))

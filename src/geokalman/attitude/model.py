@@ -8,6 +8,7 @@ SRF: x along the K-band antenna to the other satellite, z to nadir. SCF: camera,
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -118,6 +119,14 @@ def los_frame(r_self: Array, r_other: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
+def _once(name: str, numbers: Iterable[int]) -> tuple[int, ...]:
+    """Numbers in order. Raises ValueError where one stands twice."""
+    given = sorted(numbers)
+    if len(set(given)) < len(given):
+        raise ValueError(f"{name} = {given} names {max(given, key=given.count)} twice; name each once.")
+    return tuple(given)
+
+
 @dataclass(frozen=True)
 class Scenario:
     """What is flown and what its sensors do; SI and radians except where a name carries its unit.
@@ -171,7 +180,7 @@ class Scenario:
         p = {**parameters, **changes}
         given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
         if "cameras_off" in given:
-            given["cameras_off"] = tuple(given["cameras_off"])
+            given["cameras_off"] = _once("cameras_off", given["cameras_off"])
         return cls(**given)
 
     @property
@@ -218,7 +227,7 @@ class Tuning:
         p = {**parameters, **changes}
         given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
         if "axes" in given:
-            given["axes"] = tuple(sorted(set(given["axes"])))
+            given["axes"] = _once("axes", given["axes"])
         return cls(**given)
 
     @property

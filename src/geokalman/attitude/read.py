@@ -31,7 +31,9 @@ def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
     """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked for."""
     found = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt"))
     if not found:
-        raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_VV.txt; the archive of that day holds it.")
+        packed = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt.*"))
+        hint = f"unpack {packed[0].name}" if packed else "the files of both satellites are needed, as the archives of that day have them"
+        raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_04.txt, nor one of another version; {hint}.")
     return found[-1]
 
 

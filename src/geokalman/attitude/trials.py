@@ -43,7 +43,7 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
     """Filter and smoother over a gap of all cameras of gap_s from start_s after the first epoch on."""
     first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
     if not 0 < first < first + count < len(result.t):
-        raise ValueError(f"a gap of {gap_s:g} s from {start_s:g} s on does not lie inside {result.t[-1] - result.t[0]:g} s of data.")
+        raise ValueError(f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or lengthen the flight.")
     forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
     base = reference(trip, satellite, result)
     solutions = {"mekf": forward, "rts": smooth}
