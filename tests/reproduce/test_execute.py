@@ -50,7 +50,8 @@ def test_executed_notebook(ran):
     _, folder, _ = ran
     notebook = nbformat.read(folder / "notebook.ipynb", as_version=4)
     nbformat.validate(notebook)
-    assert [c["id"] for c in notebook.cells] == [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells))]
+    own = [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells) - 1)]
+    assert [c["id"] for c in notebook.cells] == ["changed", *own]  # other parameters: a warning stands above
     text = (folder / "notebook.ipynb").read_text()
     assert (
         str(folder.parent) not in text
@@ -67,10 +68,11 @@ def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
     body = text[text.index("<body>") :]
-    assert (
+    warning = (
         "This run differs from the paper's set-up: <code>slope=3.0, n=5</code>. "
         "The words around the numbers describe the paper's run."
-    ) in body
+    )
+    assert warning in body and warning in nbformat.read(folder / "notebook.ipynb", 4).cells[0].source
     assert "A straight line" in body and '<img alt="A rising line." src="data:image/png;base64,' in body
     assert (
         "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ")
