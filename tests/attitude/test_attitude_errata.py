@@ -42,7 +42,9 @@ def test_the_filter_predicts_by_equation_5():
     w = 1e-2 * rng.standard_normal((9, 3))
     z = np.full((10, 4), np.nan)
     z[0] = exp(rng.standard_normal(3))
-    data = estimate.Measured(0.5, 0.5 * w, z, np.tile(1e-10 * np.eye(3), (10, 1, 1)), 1e-14 * np.eye(3), 1e-22 * np.eye(3))
+    data = estimate.Measured(
+        0.5, 0.5 * w, z, np.tile(1e-10 * np.eye(3), (10, 1, 1)), 1e-14 * np.eye(3), 1e-22 * np.eye(3)
+    )
     q = z[0]
     for step in w:
         q = phi(step, 0.5) @ q
@@ -103,11 +105,16 @@ def test_a_filter_that_copies_the_gyro_has_no_difference_and_a_bad_attitude(hour
     q = [solved["C"].measured.z[int(np.argmax(np.isfinite(solved["C"].measured.z[:, 0])))]]
     for step in d:
         q.append(multiply(q[-1], exp(step)))
-    copied = estimate.Solution(np.array(q), np.zeros((len(q), 3)), np.zeros((len(q), 3, 3)), np.zeros(len(q)), np.zeros(len(q), bool))
+    copied = estimate.Solution(
+        np.array(q), np.zeros((len(q), 3)), np.zeros((len(q), 3, 3)), np.zeros(len(q)), np.zeros(len(q), bool)
+    )
     sound = solved["C"].solutions["mekf"]
     assert assess.std(assess.rate_difference(copied, solved["C"])[600:-600]).max() < 1.3e-7
     truth = hours.true_attitude("C")
-    assert assess.rms(assess.error(copied.q, truth)).mean() > 20 * assess.rms(assess.error(sound.q, truth)[600:-600]).mean()
+    assert (
+        assess.rms(assess.error(copied.q, truth)).mean()
+        > 20 * assess.rms(assess.error(sound.q, truth)[600:-600]).mean()
+    )
 
 
 def test_drag_and_radiation_cannot_make_the_printed_mean(hours):

@@ -1,4 +1,6 @@
-"""The filters: equal to each other, to the core's loop on a manifold, honest, and robust to gaps, outliers and wrong starts."""
+"""The filters: equal to each other, to the core's loop on a manifold, honest, and robust to gaps, outliers and wrong
+starts.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_rates(hours, solved):
         assert table[f"rate_minus_imu.rts.{axis}"][0] == pytest.approx(1.24e-7, abs=0.04e-7)
     ratio = assess.axis_mean(table, "rate_minus_imu.jpl_like") / assess.axis_mean(table, "rate_minus_imu.mekf")
     assert ratio == pytest.approx(2.20, abs=0.05)
-    assert assess.axis_mean(table, "band_minus_imu.jpl_like") / assess.axis_mean(table, "band_minus_imu.mekf") == pytest.approx(2.86, abs=0.2)
+    assert assess.axis_mean(table, "band_minus_imu.jpl_like") / assess.axis_mean(
+        table, "band_minus_imu.mekf"
+    ) == pytest.approx(2.86, abs=0.2)
 
 
 def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
@@ -63,7 +67,8 @@ def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
     m = result.measured
     first = int(np.argmax(np.isfinite(m.z[:, 0])))
     rotations = Manifold(
-        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]), lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]])
+        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]),
+        lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]]),
     )
     S, B = m.rate_cov, m.bias_cov
     Q = np.block([[S + B / 3, -B / 2], [-B / 2, B]])
@@ -82,7 +87,9 @@ def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
         return difference(x[0], m.z[first + k]), np.eye(3, 6), m.R[first + k]
 
     n = len(m.z) - first
-    course = filter_manifold(rotations, (m.z[first], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3), n, propagate, observe)
+    course = filter_manifold(
+        rotations, (m.z[first], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3), n, propagate, observe
+    )
     states, covs = smooth_manifold(rotations, course)
     for name, points, P in (("mekf", course.state, course.cov), ("rts", states, covs)):
         solution = result.solutions[name]
@@ -178,7 +185,9 @@ def test_sampling_rates_instead_of_summing_is_worse(hours, solved, tuning):
     five = trials.five_point(inc)
     for d in (trials.decimated(inc), trials.decimated(five)):
         assert 1.4 < over_summed(d) < 2.7
-    assert over_summed(gyro.preintegrate(five, 1).d) == pytest.approx(1.0, abs=0.02)  # section 9: no difference in accuracy
+    assert over_summed(gyro.preintegrate(five, 1).d) == pytest.approx(
+        1.0, abs=0.02
+    )  # section 9: no difference in accuracy
 
 
 def test_five_point_increments_leave_lost_steps_lost():
@@ -197,12 +206,17 @@ def test_updates_at_2_hz(hours, tuning, solved):
     assert fast.measured.dt == 0.5
     truth = hours.true_attitude("C", 2)
     keep = assess.inner(len(truth), 0.5)
-    gain = assess.rms(assess.error(fast.solutions["mekf"].q, truth)[keep]).mean() / rms(solved["C"], hours, "mekf", "C").mean()
+    gain = (
+        assess.rms(assess.error(fast.solutions["mekf"].q, truth)[keep]).mean()
+        / rms(solved["C"], hours, "mekf", "C").mean()
+    )
     assert gain == pytest.approx(0.84, abs=0.08)
 
 
 def test_a_faulty_axis_is_found_and_left_out(hours, tuning):
-    """Bad input 9, the whole way: an axis that drifts away is named by parity and cameras; the result is that without it."""
+    """Bad input 9, the whole way: an axis that drifts away is named by parity and cameras; the result is that without
+    it.
+    """
     raw = hours.raw["C"]
     spoiled = raw.gyro.copy()
     ramp = np.clip(np.arange(raw.gyro.shape[1]) - 40000, 0, None) * 1e-4
@@ -223,7 +237,9 @@ def without_axes(raw, *axes):
 
 @pytest.mark.parametrize("axis", [1, 2, 3, 4])
 def test_a_missing_axis_is_left_out_with_the_default_axes(short, tuning, axis):
-    """Bad input 9, the whole way: an axis without samples is dropped and the gyro covariance is that of the other three."""
+    """Bad input 9, the whole way: an axis without samples is dropped and the gyro covariance is that of the other
+    three.
+    """
     trip = replace(short, raw=short.raw | {"D": without_axes(short.raw["D"], axis)})
     with pytest.warns(GyroWarning, match=f"GRACE-D: gyro axis {axis} gave no samples and was left out"):
         result = solve(trip, "D", tuning, ("mekf",))

@@ -1,4 +1,6 @@
-"""Readers: the thirteen kinds of bad input, the older layout, the way through files, and fuzzing: no crash, no silent wrong number."""
+"""Readers: the thirteen kinds of bad input, the older layout, the way through files, and fuzzing: no crash, no silent
+wrong number.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ SAMPLE = Path(SAMPLES) / "grace_l1b_2003-09-14" if SAMPLES else Path("none")
 if SAMPLES and not SAMPLE.is_dir():
     SAMPLE = Path(SAMPLES)
 needs_sample = pytest.mark.skipif(
-    not (SAMPLE / "KBR1B_2003-09-14_X_00.asc").is_file(), reason="GEOKALMAN_SAMPLES does not name the folder of the GRACE sample of 2003-09-14"
+    not (SAMPLE / "KBR1B_2003-09-14_X_00.asc").is_file(),
+    reason="GEOKALMAN_SAMPLES does not name the folder of the GRACE sample of 2003-09-14",
 )
 
 
@@ -135,7 +138,11 @@ def test_headers_of_another_file_are_refused(tmp_path, old, new, message):
 
 def test_names_and_expectations(tmp_path):
     path = written(tmp_path)
-    for expected, message in (({"product": "ACT1B"}, "product SCA1B in the file name, ACT1B"), ({"satellite": "D"}, "satellite C"), ({"date": "2019-01-02"}, "date 2019-01-01")):
+    for expected, message in (
+        ({"product": "ACT1B"}, "product SCA1B in the file name, ACT1B"),
+        ({"satellite": "D"}, "satellite C"),
+        ({"date": "2019-01-02"}, "date 2019-01-01"),
+    ):
         with pytest.raises(Level1Error, match=message):
             read(path, **expected)
     with pytest.raises(Level1Error, match="the name is not"):
@@ -179,7 +186,12 @@ def test_a_cut_last_line_and_a_wrong_count_are_mended_and_said(tmp_path):
     with pytest.warns(Level1Warning) as seen:
         table = read(path)
     text = " ".join(str(w.message) for w in seen)
-    assert len(table) == 199 and "is cut short" in text and "199 records, the header promises 200" in text and path.name in text
+    assert (
+        len(table) == 199
+        and "is cut short" in text
+        and "199 records, the header promises 200" in text
+        and path.name in text
+    )
 
 
 def test_half_of_the_records_is_too_few(tmp_path):
@@ -236,7 +248,9 @@ def test_microseconds_out_of_range_are_bad(tmp_path):
 
 def test_gyro_angles_beyond_their_range_are_bad(tmp_path):
     path = written(tmp_path, "IMU1A")
-    k = edit(path, lambda body: [*body[:3], " ".join([*body[3].split()[:5], "9999.0", body[3].split()[6]]) + "\n", *body[4:]])
+    k = edit(
+        path, lambda body: [*body[:3], " ".join([*body[3].split()[:5], "9999.0", body[3].split()[6]]) + "\n", *body[4:]]
+    )
     with pytest.warns(Level1Warning, match=rf"line {k + 4}: column 6 \(FiltAng\) is 9999.0, beyond \+-5759"):
         assert len(read(path)) == 199
 
@@ -306,7 +320,9 @@ def test_cameras_are_refused_by_flags_as_the_header_explains_them(tmp_path, shor
     write.write_raw(tmp_path, short.raw["C"])
     path = next(tmp_path.glob("SCA1A*"))
     text = path.read_text()
-    path.write_text(text.replace(f"    long_name: {name}\n", f"    long_name: {name}\n    flag_meanings:\n      - {meaning}\n"))
+    path.write_text(
+        text.replace(f"    long_name: {name}\n", f"    long_name: {name}\n    flag_meanings:\n      - {meaning}\n")
+    )
     column = {"sca_mode": 14, "qualflg": 15}[name]
     others = "00000001" if "1=valid" in meaning else "00000000"
 
@@ -330,20 +346,29 @@ def test_flags_that_nothing_explains_are_warned_of(tmp_path, short):
     write.write_raw(tmp_path, short.raw["C"])
     path = next(tmp_path.glob("SCA1A*"))
     edit(path, lambda body: [" ".join([*body[0].split()[:15], "00000100"]) + "\n", *body[1:]])
-    with pytest.warns(Level1Warning, match=r"SCA1A_.*: qualflg of 1 of \d+ records has bits set that the header does not explain, as 00000100"):
+    with pytest.warns(
+        Level1Warning,
+        match=r"SCA1A_.*: qualflg of 1 of \d+ records has bits set that the header does not explain, as 00000100",
+    ):
         day.raw(tmp_path, "C", DATE)
     edit(path, lambda body: [" ".join([*line.split()[:14], "7", line.split()[15]]) + "\n" for line in body])
     with pytest.warns(Level1Warning, match="sca_mode is '7', not a string of 0 and 1"):
         day.raw(tmp_path, "C", DATE)
     text = path.read_text()
-    path.write_text(text.replace("    long_name: qualflg\n", "    long_name: qualflg\n    flag_meanings: bit 2 = invalid, bit 3 = Sun\n"))
+    path.write_text(
+        text.replace(
+            "    long_name: qualflg\n", "    long_name: qualflg\n    flag_meanings: bit 2 = invalid, bit 3 = Sun\n"
+        )
+    )
     edit(path, lambda body: [" ".join([*line.split()[:15], "00000100"]) + "\n" for line in body])
     with pytest.warns(Level1Warning), pytest.raises(Level1Error, match="the flags sca_mode and qualflg refuse all"):
         day.raw(tmp_path, "C", DATE)
 
 
 def test_meanings_of_flags_in_both_forms_of_the_header():
-    listed = {"variables": [{"qualflg": {"flag_meanings": ["bit 0 = Phase break", "bit 2: Sun"]}}, {"name": "mode"}, "x", 3]}
+    listed = {
+        "variables": [{"qualflg": {"flag_meanings": ["bit 0 = Phase break", "bit 2: Sun"]}}, {"name": "mode"}, "x", 3]
+    }
     assert flag_meanings(listed, "qualflg") == {0: "Phase break", 2: "Sun"}
     plain = {"variables": [{"name": "qualflg", "flag_meanings": "bit 0 = Phase break, bit 1 = Moon"}]}
     assert flag_meanings(plain, "qualflg") == {0: "Phase break", 1: "Moon"}
@@ -352,7 +377,10 @@ def test_meanings_of_flags_in_both_forms_of_the_header():
 
 def test_no_usable_camera_is_said(tmp_path, short):
     write.write_raw(tmp_path, short.raw["C"])
-    edit(next(tmp_path.glob("SCA1A*")), lambda body: [" ".join([*line.split()[:11], "7", *line.split()[12:]]) + "\n" for line in body])
+    edit(
+        next(tmp_path.glob("SCA1A*")),
+        lambda body: [" ".join([*line.split()[:11], "7", *line.split()[12:]]) + "\n" for line in body],
+    )
     with pytest.raises(Level1Error, match="no record with sca_confid <= 5"):
         day.raw(tmp_path, "C", DATE)
 
@@ -388,7 +416,12 @@ def test_undefined_and_flagged_pairs_do_not_enter_the_clock():
 def test_clock_segments_are_not_bridged():
     t = EPOCH_2019 + np.arange(0, 100)
     tim = table("TIM1B", obdh_time=t, gpstime_intg=t, gpstime_frac=0 * t)
-    clk = table("CLK1B", rcv_time=EPOCH_2019 + np.array([0, 30, 60, 99]), eps_time=np.array([0.0, 0.0, 1.0, 1.0]), qualflg=np.array(["00000000", "00000001", "00000010", "00000000"]))
+    clk = table(
+        "CLK1B",
+        rcv_time=EPOCH_2019 + np.array([0, 30, 60, 99]),
+        eps_time=np.array([0.0, 0.0, 1.0, 1.0]),
+        qualflg=np.array(["00000000", "00000001", "00000010", "00000000"]),
+    )
     _, edge = timetags.clock([tim], [clk], EPOCH_2019).gps(np.array([15.0, 45.0, 80.0]))
     assert edge.tolist() == [False, True, False]
 
@@ -429,7 +462,9 @@ def test_neighbouring_days_mend_the_edges(tmp_path, short):
 
 
 def test_time_keeps_its_digits():
-    """Bad input 13: float32 would turn 599572800.125 s into a multiple of 64 s; whole seconds stay integers until the origin is off."""
+    """Bad input 13: float32 would turn 599572800.125 s into a multiple of 64 s; whole seconds stay integers until the
+    origin is off.
+    """
     t = timetags.seconds(np.array([599572800]), np.array([125_001]), 10**6, 599572800 - 86400)
     assert t.dtype == np.float64
     assert t[0] == pytest.approx(86400.125001, abs=1e-10)
@@ -457,7 +492,9 @@ def folder(short, tmp_path_factory):
         write.write_raw(path, short.raw[s])
         write.write_orbit(path, s, short.t, short.r[s], short.v[s])
         write.write_accelerations(path, s, short.t, np.full((len(short.t), 3), 1e-8))
-        write.write_attitude(path, s, short.t, short.true_attitude(s), np.full(len(short.t), 7), np.full(len(short.t), 1e-5))
+        write.write_attitude(
+            path, s, short.t, short.true_attitude(s), np.full(len(short.t), 7), np.full(len(short.t), 1e-5)
+        )
     return path
 
 
@@ -506,7 +543,10 @@ def test_a_gyro_axis_without_rows_is_left_out(folder, tmp_path, short, tuning):
     expected = flights.solve(short, "C", replace(tuning, axes=(1, 2, 3)), ("mekf",))
     assert np.nanmax(np.abs(difference(result.solutions["mekf"].q, expected.solutions["mekf"].q))) < 2e-9
     edit(next(copied.glob("IMU1A*_D_04.txt")), lambda body: [line for line in body if line.split()[4] in "12"])
-    with pytest.warns(Level1Warning), pytest.raises(Level1Error, match=r"IMU1A_.*_D_04.txt: records of gyro axes \[1, 2\] only"):
+    with (
+        pytest.warns(Level1Warning),
+        pytest.raises(Level1Error, match=r"IMU1A_.*_D_04.txt: records of gyro axes \[1, 2\] only"),
+    ):
         flights.flight(Scenario(), 0, str(copied))
 
 
@@ -609,15 +649,40 @@ def test_range_of_gnv1b_minus_corrected_kbr_is_constant():
 
 # --- fuzzing ---
 
-_TEXT = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"), max_size=40)
+_TEXT = st.text(
+    alphabet=st.characters(codec="utf-8", exclude_characters="\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"), max_size=40
+)
 _FIELD = st.one_of(
-    st.sampled_from(["nan", "inf", "-inf", "1e999", "-0", "1_0", "٣", "0x1p3", "1d0", "", "1.0.0", "9" * 30, "00000000", "1", "C", "+5", "1e-320"]),
+    st.sampled_from(
+        [
+            "nan",
+            "inf",
+            "-inf",
+            "1e999",
+            "-0",
+            "1_0",
+            "٣",
+            "0x1p3",
+            "1d0",
+            "",
+            "1.0.0",
+            "9" * 30,
+            "00000000",
+            "1",
+            "C",
+            "+5",
+            "1e-320",
+        ]
+    ),
     st.floats(allow_nan=False).map(repr),
     st.integers(-(10**20), 10**20).map(str),
     _TEXT,
 )
 OF_THE_WHOLE = re.compile(
-    r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no records after"
+    (
+        r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no "
+        r"records after"
+    )
 )
 """Reasons that concern a file as a whole, not one of its lines."""
 _SLOW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -640,10 +705,23 @@ def sane(table):
 @_SLOW
 @given(data=st.data())
 def test_fuzzed_fields_never_crash_nor_lie(tmp_path, product, data):
-    """One field of one record replaced by anything: the record is left out with its line, or the number that is there is read."""
+    """One field of one record replaced by anything: the record is left out with its line, or the number that is there
+    is read.
+    """
     path = written(tmp_path, product, 120, "Y" if product == "KBR1B" else "C")
-    row, position, text = data.draw(st.integers(0, 119)), data.draw(st.integers(0, len(GRACE_FO[product]) - 1)), data.draw(_FIELD)
-    k = edit(path, lambda body: [*body[:row], " ".join([*body[row].split()[:position], text, *body[row].split()[position + 1 :]]) + "\n", *body[row + 1 :]])
+    row, position, text = (
+        data.draw(st.integers(0, 119)),
+        data.draw(st.integers(0, len(GRACE_FO[product]) - 1)),
+        data.draw(_FIELD),
+    )
+    k = edit(
+        path,
+        lambda body: [
+            *body[:row],
+            " ".join([*body[row].split()[:position], text, *body[row].split()[position + 1 :]]) + "\n",
+            *body[row + 1 :],
+        ],
+    )
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always", Level1Warning)
         try:

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/bench_attitude.py
 
-Limits of the project, one core: 40 us per 1 Hz epoch of the filter on pre-integrated increments, 15 s a simulated day (both
-satellites); the whole part at most 6 minutes on two cores.
+Limits of the project, one core: 40 us per 1 Hz epoch of the filter on pre-integrated increments, 15 s a simulated day
+(both satellites); the whole part at most 6 minutes on two cores.
 """
 
 from __future__ import annotations
@@ -47,7 +47,12 @@ def main() -> None:
     epochs = len(m.z) * 1e-6
     at_8_hz = m._replace(d=result.increments.d)
     timed("MEKF on 1 s increments, per 1 Hz epoch", lambda: estimate.mekf(m, tuning), epochs, "us")
-    timed("pre-integration and MEKF, per 1 Hz epoch", lambda: estimate.mekf(m._replace(d=gyro.preintegrate(result.increments, 1).d), tuning), epochs, "us")
+    timed(
+        "pre-integration and MEKF, per 1 Hz epoch",
+        lambda: estimate.mekf(m._replace(d=gyro.preintegrate(result.increments, 1).d), tuning),
+        epochs,
+        "us",
+    )
     timed("MEKF and RTS, per 1 Hz epoch", lambda: estimate.mekf(m, tuning, smooth=True), epochs, "us")
     timed("AKF7, 8 Hz prediction, per 1 Hz epoch", lambda: estimate.akf7(at_8_hz, tuning, stride=GYRO_HZ), epochs, "us")
     timed("combination of a day of cameras", lambda: flight.combination(raw, tuning))

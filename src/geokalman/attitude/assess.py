@@ -1,4 +1,6 @@
-"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain numbers."""
+"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ SMOOTHERS = ("rts",)
 
 
 def inner(n: int, dt: float = 1.0, edge_s: float = EDGE_S) -> slice:
-    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for that."""
+    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for
+    that.
+    """
     edge = int(min(edge_s / dt, n // 6))
     return slice(edge, n - edge)
 
@@ -51,7 +55,9 @@ def rate_difference(solution: Solution, result: Solved) -> Array:
 
 
 def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> Array:
-    """NEES (n,) of the attitude, 3 degrees of freedom, or with the true bias (n, 3) of both, 6; NaN before the filter starts."""
+    """NEES (n,) of the attitude, 3 degrees of freedom, or with the true bias (n, 3) of both, 6; NaN before the filter
+    starts.
+    """
     e, cov = error(solution.q, reference), solution.cov
     if bias is not None:
         e, cov = np.concatenate([e, bias - solution.bias], axis=1), solution.full
@@ -64,8 +70,9 @@ def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> 
 def statistics(result: Solved, truth: Array | None, bias: Array | None = None) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
-    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None; without it errors count from the smoothed solution,
-    and what needs the truth (rates and NEES against it) is left out. Epochs at an edge of the clock do not count.
+    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None; without
+    it errors count from the smoothed solution, and what needs the truth (rates and NEES against it) is left out. Epochs
+    at an edge of the clock do not count.
     """
     out: dict[str, float] = {}
     dt = result.measured.dt

@@ -23,7 +23,9 @@ def chosen(satellite: str) -> tuple[str, ...]:
 
 
 def against(data_dir: str) -> str:
-    """What errors are counted from, for captions: the truth of a simulation, or with real files the smoothed attitude."""
+    """What errors are counted from, for captions: the truth of a simulation, or with real files the smoothed
+    attitude.
+    """
     return "the smoothed attitude" if data_dir else "the truth"
 
 
@@ -39,19 +41,22 @@ def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") ->
 
 
 def filters(
-    scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "both", names: Sequence[str] = FILTERS, data_dir: str = "",
+    scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "both",
+    names: Sequence[str] = FILTERS, data_dir: str = "",
     calibrate: bool = False, use: Sequence[int] = (1, 2, 3), pitch_offset_rad: float = 6e-4,
 ) -> Table:  # fmt: skip
     """Statistics of every filter, mean and spread over satellites and seeds; of the antenna correction where both fly.
 
-    pitch_offset_rad : added to the pitch of the JPL-like product (q Exp(0, offset, 0)) on one satellite (`one`) and on both.
+    pitch_offset_rad : added to the pitch of the JPL-like product (q Exp(0, offset, 0)) on one satellite (`one`) and on
+    both.
     """
     runs, pairs = [], []
     for trip in flights(scenario, n_seeds, seed0, data_dir):
         results = {s: solve(trip, s, tuning, names, use, calibrate) for s in chosen(satellite)}
         hz = tuning.update_hz
         runs += [
-            assess.statistics(result, trip.true_attitude(s, hz), trip.true_bias(s, tuning.axes, hz)) for s, result in results.items()
+            assess.statistics(result, trip.true_attitude(s, hz), trip.true_bias(s, tuning.axes, hz))
+            for s, result in results.items()
         ]
         if len(results) == 2 and hz == 1 and "rts" in names:
             pairs.append(_pair(trip, results, pitch_offset_rad))
@@ -74,7 +79,9 @@ def _pair(trip: Flight, results: dict, pitch_offset_rad: float) -> dict[str, flo
     return out
 
 
-def camera_errors(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "both", data_dir: str = "") -> Table:
+def camera_errors(
+    scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "both", data_dir: str = ""
+) -> Table:
     """Errors of single cameras and of every combination at epochs at which all three see: rms and mean per axis [rad].
 
     Names: single.<1|2|3>.rms.<axis>, combined.<12|13|23|123>.<rms|mean>.<axis>, valid.<1|2|3>, seen.<0..3>.
@@ -96,7 +103,9 @@ def camera_errors(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, 
             run |= {f"seen.{k}": float((count == k).mean()) for k in range(4)}
             means = []
             for use in ((1, 2), (1, 3), (2, 3), (1, 2, 3)):
-                e = difference(cameras.combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso, use).q, true)[keep]
+                e = difference(cameras.combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso, use).q, true)[
+                    keep
+                ]
                 name = "combined." + "".join(map(str, use))
                 run |= assess.by_axis(f"{name}.rms", assess.rms(e)) | assess.by_axis(f"{name}.mean", e.mean(axis=0))
                 run |= assess.by_axis(f"{name}.std", e.std(axis=0))
@@ -107,7 +116,15 @@ def camera_errors(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, 
     return assess.table_of(runs)
 
 
-def weights(scenario: Scenario, tuning: Tuning, ks: Sequence[float], n_seeds: int, seed0: int, satellite: str = "both", data_dir: str = "") -> dict[float, Array]:
+def weights(
+    scenario: Scenario,
+    tuning: Tuning,
+    ks: Sequence[float],
+    n_seeds: int,
+    seed0: int,
+    satellite: str = "both",
+    data_dir: str = "",
+) -> dict[float, Array]:
     """Rms error (3,) [rad] of the three-camera combination for each assumed anisotropy k."""
     total: dict[float, list[Array]] = {k: [] for k in ks}
     for trip in flights(scenario, n_seeds, seed0, data_dir):
@@ -122,8 +139,12 @@ def weights(scenario: Scenario, tuning: Tuning, ks: Sequence[float], n_seeds: in
     return {k: np.sqrt(np.mean(values, axis=0)) for k, values in total.items()}
 
 
-def mounting(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "C", data_dir: str = "") -> Table:
-    """Filter with mounting errors before and after relative calibration: <before|after>.std.<axis>, .mean.<axis>, .nis3, .rate.<axis>."""
+def mounting(
+    scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satellite: str = "C", data_dir: str = ""
+) -> Table:
+    """Filter with mounting errors before and after relative calibration: <before|after>.std.<axis>, .mean.<axis>,
+    .nis3, .rate.<axis>.
+    """
     runs = []
     for trip in flights(scenario, n_seeds, seed0, data_dir):
         for s in chosen(satellite):
@@ -132,7 +153,9 @@ def mounting(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satel
                 result = solve(trip, s, tuning, ("mekf", "rts"), calibrate=calibrate)
                 solution = result.solutions["mekf"]
                 truth = trip.true_attitude(s)
-                e = assess.error(solution.q, result.solutions["rts"].q if truth is None else truth)[assess.inner(len(result.t))]
+                e = assess.error(solution.q, result.solutions["rts"].q if truth is None else truth)[
+                    assess.inner(len(result.t))
+                ]
                 apart = assess.rate_difference(solution, result)[assess.inner(len(result.t) - 2)]
                 run |= assess.by_axis(f"{word}.std", e.std(axis=0)) | assess.by_axis(f"{word}.mean", e.mean(axis=0))
                 run |= assess.by_axis(f"{word}.rate", assess.std(apart))
@@ -144,7 +167,8 @@ def mounting(scenario: Scenario, tuning: Tuning, n_seeds: int, seed0: int, satel
 def shifted(scenario: Scenario, tuning: Tuning, shift_s: float, n_seeds: int, seed0: int, data_dir: str = "") -> Table:
     """Change of the smoothed attitude's mean when every camera reports late: <C|D>.<axis> [rad].
 
-    Simulated: the tag t carries the attitude of t - shift, the noise drawn is the same. Real files: their camera tags are moved.
+    Simulated: the tag t carries the attitude of t - shift, the noise drawn is the same. Real files: their camera tags
+    are moved.
     """
     runs = []
     for k in range(1 if data_dir else n_seeds):

@@ -1,4 +1,6 @@
-"""One flight, simulated or read from files, and what the whole chain makes of it: combination, increments, solutions."""
+"""One flight, simulated or read from files, and what the whole chain makes of it: combination, increments,
+solutions.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,12 @@ from geokalman.physics.quaternion import difference, spline
 
 @dataclass(frozen=True)
 class Flight:
-    """Raw data of both satellites, their orbits r, v (n, 3) at the whole seconds t (n,), and the truth where it was simulated.
+    """Raw data of both satellites, their orbits r, v (n, 3) at the whole seconds t (n,), and the truth where it was
+    simulated.
 
-    accelerations : satellite -> (n, 3) [m/s^2] in the SRF from ACT1B, empty where there are none; edge : satellite -> those of
-    the seconds t at which the clock of its files was carried beyond its tables or across a break, empty where simulated.
+    accelerations : satellite -> (n, 3) [m/s^2] in the SRF from ACT1B, empty where there are none; edge : satellite ->
+    those of the seconds t at which the clock of its files was carried beyond its tables or across a break, empty where
+    simulated.
     """
 
     t: Array
@@ -63,9 +67,16 @@ def flight(scenario: Scenario, seed: int, data_dir: str = "", date: str = "") ->
 def _from_files(folder: Path, date: str) -> Flight:
     days = read.dates(folder)
     if not days:
-        raise Level1Error(f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of unpacked GRACE-FO Level-1A and 1B files of one day.")
+        raise Level1Error(
+            (
+                f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of unpacked GRACE-FO Level-1A and 1B files "
+                "of one day."
+            )
+        )
     if not date and len(days) > 1:
-        warnings.warn(f"{folder}: files of {len(days)} days; the first, {days[0]}, is taken.", Level1Warning, stacklevel=3)
+        warnings.warn(
+            f"{folder}: files of {len(days)} days; the first, {days[0]}, is taken.", Level1Warning, stacklevel=3
+        )
     date = date or days[0]
     raw, edges = {}, {}
     for s in SATELLITES:
@@ -82,13 +93,17 @@ def _from_files(folder: Path, date: str) -> Flight:
         edge[s] = t[edges[s][_nearest(raw[s].t_camera, t)]]
         if len(edge[s]):
             warnings.warn(
-                f"{folder}: {len(edge[s])} seconds of GRACE-{s} from {edge[s][0]:g} s on stand at an edge of its clock (TIM1B, CLK1B; the "
-                "files of the neighbouring days are needed); they are filtered and left out of the statistics.", Level1Warning, stacklevel=3,
+                f"{folder}: {len(edge[s])} seconds of GRACE-{s} from {edge[s][0]:g} s on stand at an edge of its "
+                "clock (TIM1B, CLK1B; the "
+                "files of the neighbouring days are needed); they are filtered and left out of the statistics.",
+                Level1Warning, stacklevel=3,
             )  # fmt: skip
         seconds, position, velocity = orbits[s]
         pick = np.searchsorted(seconds, t)
         if not (np.abs(seconds[np.minimum(pick, len(seconds) - 1)] - t) < 1e-6).all():
-            raise Level1Error(f"{folder}: GNI1B of {s} has gaps between {t[0]:g} and {t[-1]:g} s; a whole arc at 1 Hz is needed.")
+            raise Level1Error(
+                f"{folder}: GNI1B of {s} has gaps between {t[0]:g} and {t[-1]:g} s; a whole arc at 1 Hz is needed."
+            )
         r[s], v[s] = position[pick], velocity[pick]
         try:
             seconds, a = read.accelerations(folder, s, date)
@@ -121,8 +136,8 @@ class Solved:
     """What the chain made of one satellite at the epochs t (n,) [s] of the filter.
 
     combined : cameras at those epochs; rates (n, 3) : mean gyro rates over +-0.5 s there (1 Hz only), NaN where lost;
-    increments : at 8 Hz; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an edge of the
-    clock of the files (bad input 11), none where simulated.
+    increments : at 8 Hz; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an edge
+    of the clock of the files (bad input 11), none where simulated.
     """
 
     t: Array
@@ -134,7 +149,9 @@ class Solved:
     edge: Array
 
     def flagged(self, name: str, limit_rad: float) -> Array:
-        """Epochs (n,) of a solution not to be relied on: at an edge of the clock, or less certain than the limit [rad]."""
+        """Epochs (n,) of a solution not to be relied on: at an edge of the clock, or less certain than the limit
+        [rad].
+        """
         return self.edge | self.solutions[name].flagged(limit_rad)
 
 
@@ -152,7 +169,12 @@ def combination(raw: Raw, tuning: Tuning, use: Sequence[int] = (1, 2, 3), calibr
 
 
 def solve(
-    trip: Flight, satellite: str, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3), calibrate: bool = False
+    trip: Flight,
+    satellite: str,
+    tuning: Tuning,
+    filters: Iterable[str] = FILTERS,
+    use: Sequence[int] = (1, 2, 3),
+    calibrate: bool = False,
 ) -> Solved:
     """The whole chain for one satellite: combination, increments, and the filters asked for.
 
@@ -167,8 +189,9 @@ def solve(
 def sound_increments(raw: Raw, tuning: Tuning, combined: cameras.Combined) -> tuple[gyro.Increments, Tuning]:
     """8 Hz increments, and the tuning with the axes that they were made of.
 
-    An axis without samples is left out; so is, where the parity of four axes stays beyond 6 sigma for a second, the axis that
-    disagrees most with the cameras. Both with a GyroWarning. Raises Level1Error where fewer than three axes remain.
+    An axis without samples is left out; so is, where the parity of four axes stays beyond 6 sigma for a second, the
+    axis that disagrees most with the cameras. Both with a GyroWarning. Raises Level1Error where fewer than three axes
+    remain.
     """
     tuning = gyro.sound(raw, tuning)
     increments = gyro.reduced(raw, tuning)
@@ -183,7 +206,10 @@ def sound_increments(raw: Raw, tuning: Tuning, combined: cameras.Combined) -> tu
     steps = seen.d @ gyro_matrix(raw.satellite).T + seen.parity
     axis = gyro.isolate(steps, difference(whole.q[:-1], whole.q[1:]), raw.satellite)
     warnings.warn(
-        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and was left out.",
+        (
+            f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on "
+            "and was left out."
+        ),
         gyro.GyroWarning, stacklevel=2,
     )  # fmt: skip
     reduced = replace(tuning, axes=tuple(a for a in tuning.axes if a != axis))
@@ -191,19 +217,33 @@ def sound_increments(raw: Raw, tuning: Tuning, combined: cameras.Combined) -> tu
 
 
 def solved(
-    trip: Flight, satellite: str, tuning: Tuning, combined: cameras.Combined, increments: gyro.Increments, filters: Iterable[str] = FILTERS
+    trip: Flight,
+    satellite: str,
+    tuning: Tuning,
+    combined: cameras.Combined,
+    increments: gyro.Increments,
+    filters: Iterable[str] = FILTERS,
 ) -> Solved:
     """The filters on a combination (at the cameras' epochs) and 8 Hz increments that are already there."""
     hz = tuning.update_hz
     main = gyro.between(increments, trip.t[0], trip.t[-1])
     steps = gyro.preintegrate(main, hz)
     combined = cameras.at_seconds(combined, hz)
-    combined = cameras.Combined(*(part[(combined.t > trip.t[0] - 0.1) & (combined.t < trip.t[-1] + 0.1)] for part in combined))
+    combined = cameras.Combined(
+        *(part[(combined.t > trip.t[0] - 0.1) & (combined.t < trip.t[-1] + 0.1)] for part in combined)
+    )
     epochs = steps.t
     if len(combined.t) != len(epochs):
-        raise ValueError(f"{len(combined.t)} camera epochs and {len(epochs)} gyro epochs at {hz} Hz do not belong together.")
+        raise ValueError(
+            f"{len(combined.t)} camera epochs and {len(epochs)} gyro epochs at {hz} Hz do not belong together."
+        )
     measured = Measured(
-        1.0 / hz, steps.d, combined.q, combined.cov, tuning.rate_covariance(satellite), tuning.bias_covariance(satellite)
+        1.0 / hz,
+        steps.d,
+        combined.q,
+        combined.cov,
+        tuning.rate_covariance(satellite),
+        tuning.bias_covariance(satellite),
     )
     solutions: dict[str, Solution] = {}
     wanted = set(filters)
@@ -223,7 +263,9 @@ def solved(
     _, mine, theirs = np.intersect1d(np.round(epochs * 8), np.round(seconds * 8), return_indices=True)
     rates[mine] = mean_rates[theirs]
     edge = np.isin(np.floor(epochs + 1e-6), np.round(trip.edge.get(satellite, ())))
-    return Solved(epochs, combined, main, rates, measured, {name: solutions[name] for name in solutions if name in wanted}, edge)
+    return Solved(
+        epochs, combined, main, rates, measured, {name: solutions[name] for name in solutions if name in wanted}, edge
+    )
 
 
 def reference(trip: Flight, satellite: str, result: Solved) -> Array:
@@ -233,7 +275,9 @@ def reference(trip: Flight, satellite: str, result: Solved) -> Array:
 
 
 def reference_at(trip: Flight, satellite: str, t: Array, tuning: Tuning) -> Array:
-    """The same at any epochs t (n,) inside the flight: the truth on its grid, or a spline through the smoothed solution."""
+    """The same at any epochs t (n,) inside the flight: the truth on its grid, or a spline through the smoothed
+    solution.
+    """
     if trip.truth:
         motion = trip.truth[satellite]
         k = np.round((t - motion.t[0]) * GYRO_HZ).astype(int)
@@ -252,8 +296,11 @@ def angles_of(trip: Flight, satellite: str, q: Array, frame: Array | None = None
     return pointing.angles(q, trip.r[satellite], trip.r[other], frame)
 
 
-def camera_angles(trip: Flight, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]], calibrate: bool = False) -> dict[str, Array]:
-    """Pointing angles (n, 3) [rad] at whole seconds of single cameras or combinations, at epochs at which all three see (else NaN).
+def camera_angles(
+    trip: Flight, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]], calibrate: bool = False
+) -> dict[str, Array]:
+    """Pointing angles (n, 3) [rad] at whole seconds of single cameras or combinations, at epochs at which all three see
+    (else NaN).
 
     uses : e.g. [(1,), (2,), (1, 2, 3)]; the result has the names sca1, sca2, sca123.
     """

@@ -1,4 +1,6 @@
-"""Sensors of a simulated satellite: four gyro axes with drifting, wrapping, quantised angles, and three star cameras."""
+"""Sensors of a simulated satellite: four gyro axes with drifting, wrapping, quantised angles, and three star
+cameras.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,20 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from geokalman.attitude.model import CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Raw, Scenario, arw_density, gyro_matrix, mounting
+from geokalman.attitude.model import (
+    CAMERA_HZ,
+    EPOCH_2019,
+    GYRO_HZ,
+    SATELLITES,
+    SUN,
+    WRAP_DEG,
+    Array,
+    Raw,
+    Scenario,
+    arw_density,
+    gyro_matrix,
+    mounting,
+)
 from geokalman.attitude.truth import REVOLUTION, Truth, fly, increments
 from geokalman.physics.quaternion import conjugate, exp, matrix, multiply
 
@@ -100,7 +115,9 @@ def _dropouts(duration: float, rng: np.random.Generator) -> list[tuple[float, fl
 
 
 def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Truth, Raw]:
-    """The truth with its gyro biases, and what one satellite's sensors give, from two children of rng: gyros, cameras."""
+    """The truth with its gyro biases, and what one satellite's sensors give, from two children of rng: gyros,
+    cameras.
+    """
     gyro_rng, camera_rng = rng.spawn(2)
     t_gyro, gyro, bias = gyros(truth, satellite, scenario, gyro_rng)
     t_camera, q_camera = cameras(truth, scenario, camera_rng)

@@ -19,7 +19,9 @@ State = tuple[Array, Array]  # attitude (4,) and gyro bias (3,)
 
 
 class Gap(NamedTuple):
-    """Errors (n, 3) and standard deviations (n, 3) [rad] of filter and smoother; first, last : epochs without a camera."""
+    """Errors (n, 3) and standard deviations (n, 3) [rad] of filter and smoother; first, last : epochs without a
+    camera.
+    """
 
     error: dict[str, Array]
     sigma: dict[str, Array]
@@ -43,7 +45,12 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
     """Filter and smoother over a gap of all cameras of gap_s from start_s after the first epoch on."""
     first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
     if not 0 < first < first + count < len(result.t):
-        raise ValueError(f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or lengthen the flight.")
+        raise ValueError(
+            (
+                f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or "
+                "lengthen the flight."
+            )
+        )
     forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
     base = reference(trip, satellite, result)
     solutions = {"mekf": forward, "rts": smooth}
@@ -57,7 +64,9 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
 
 
 class Outliers(NamedTuple):
-    """Rms errors (3,) [rad] with and without the gate, and how many of the outliers and of the sound updates it refused."""
+    """Rms errors (3,) [rad] with and without the gate, and how many of the outliers and of the sound updates it
+    refused.
+    """
 
     gated: Array
     ungated: Array
@@ -66,7 +75,14 @@ class Outliers(NamedTuple):
 
 
 def outliers(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, count: int, size_rad: float, gate: float, rng: np.random.Generator
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    count: int,
+    size_rad: float,
+    gate: float,
+    rng: np.random.Generator,
 ) -> Outliers:
     """Outliers of +-size on every axis with random signs, at random epochs of the combined quaternion."""
     z = result.measured.z.copy()
@@ -88,24 +104,45 @@ def outliers(
 
 
 def wrong_start(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, angle_rad: float, rng: np.random.Generator, seconds: int = 60, method: str = "mekf"
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    angle_rad: float,
+    rng: np.random.Generator,
+    seconds: int = 60,
+    method: str = "mekf",
 ) -> Array:
-    """Angle of the attitude error (seconds + 1,) [rad] after a start that is wrong by an angle about a random axis, P0 = 1 rad^2."""
+    """Angle of the attitude error (seconds + 1,) [rad] after a start that is wrong by an angle about a random axis, P0
+    = 1 rad^2.
+    """
     base = reference(trip, satellite, result)
     first = int(np.argmax(np.isfinite(result.measured.z[:, 0])))
     axis = rng.standard_normal(3)
     start = multiply(base[first], exp(angle_rad * axis / np.linalg.norm(axis)))
     part = slice(first, first + seconds + 1)
-    short = result.measured._replace(z=result.measured.z[part], R=result.measured.R[part], d=result.measured.d[first : first + seconds])
+    short = result.measured._replace(
+        z=result.measured.z[part], R=result.measured.R[part], d=result.measured.d[first : first + seconds]
+    )
     run = estimate.mekf if method == "mekf" else estimate.akf7
     solution: Solution = run(short, replace(tuning, p0_attitude=1.0), start=start)
     return np.linalg.norm(assess.error(solution.q, base[part]), axis=1)
 
 
-def vector_part_start(trip: Flight, satellite: str, result: Solved, tuning: Tuning, angle_rad: float, rng: np.random.Generator, seconds: int = 600) -> Array:
-    """The same trial (seconds + 1,) [rad] of a filter whose residual is twice the vector part of q* Z, not its rotation vector.
+def vector_part_start(
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    angle_rad: float,
+    rng: np.random.Generator,
+    seconds: int = 600,
+) -> Array:
+    """The same trial (seconds + 1,) [rad] of a filter whose residual is twice the vector part of q* Z, not its rotation
+    vector.
 
-    2 vec(q* Z) = 2 sin(angle / 2) along the axis, short of the angle by angle^3 / 24: nothing at noise level, a tenth at 90 deg.
+    2 vec(q* Z) = 2 sin(angle / 2) along the axis, short of the angle by angle^3 / 24: nothing at noise level, a tenth
+    at 90 deg.
     """
     base = reference(trip, satellite, result)
     m = result.measured
@@ -129,7 +166,8 @@ def vector_part_start(trip: Flight, satellite: str, result: Solved, tuning: Tuni
         return 2 * np.copysign(1.0, apart[0]) * apart[1:], H, m.R[first + k]
 
     attitudes = Manifold(
-        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]), lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]])
+        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]),
+        lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]]),
     )
     P0 = np.diag(np.repeat([1.0, tuning.p0_bias], 3))
     course = filter_manifold(attitudes, (start, np.zeros(3)), P0, seconds + 1, propagate, observe)
@@ -138,14 +176,17 @@ def vector_part_start(trip: Flight, satellite: str, result: Solved, tuning: Tuni
 
 
 def decimated(increments: Increments) -> Array:
-    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate, without summing: what a filter that takes rates at 1 Hz gets."""
+    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate, without summing: what a filter that takes rates at
+    1 Hz gets.
+    """
     return increments.d[: len(increments.d) // GYRO_HZ * GYRO_HZ : GYRO_HZ] * GYRO_HZ
 
 
 def five_point(increments: Increments) -> Increments:
     """The 8 Hz increments that equation (1) gives: the five-point rate at the start of each step, times the step.
 
-    The rates of the first and last two epochs are those of their neighbours; a step whose stencil meets a lost one is lost.
+    The rates of the first and last two epochs are those of their neighbours; a step whose stencil meets a lost one is
+    lost.
     """
     lost = np.isnan(increments.d[:, 0])
     angle = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(increments.d), axis=0)])
