@@ -67,21 +67,26 @@ def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> 
     return out
 
 
-def statistics(result: Solved, truth: Array | None, bias: Array | None = None) -> dict[str, float]:
+def statistics(
+    result: Solved, truth: Array | None, bias: Array | None = None, smoothed: Array | None = None
+) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
-    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None; without
-    it errors count from the smoothed solution, and what needs the truth (rates and NEES against it) is left out. Epochs
-    at an edge of the clock do not count.
+    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None. Without
+    the truth, differences count from `smoothed` (n, 4), or from the run's own smoother, which then has none of its own;
+    rates and NEES against the truth are left out. Epochs at an edge of the clock do not count.
     """
     out: dict[str, float] = {}
     dt = result.measured.dt
     keep = inner(len(result.t), dt)
     rates_keep = inner(len(result.t) - 2, dt)
     sound, sound_rates = ~result.edge[keep], ~result.edge[1:-1][rates_keep]
-    reference = result.solutions["rts"].q if truth is None and "rts" in result.solutions else truth
+    reference = smoothed if truth is None else truth
+    own = reference is None and "rts" in result.solutions
+    if own:
+        reference = result.solutions["rts"].q
     for name, solution in result.solutions.items():
-        if reference is not None:
+        if reference is not None and not (own and name == "rts"):
             out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep][sound]))
         apart = rate_difference(solution, result)[rates_keep]
         out |= by_axis(f"rate_minus_imu.{name}", std(apart[sound_rates]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from geokalman.attitude import assess, cameras, pointing
 from geokalman.attitude.estimate import FILTERS
-from geokalman.attitude.flight import Flight, flight, in_satellite_axes, reference_at, solve
+from geokalman.attitude.flight import Flight, Solved, flight, in_satellite_axes, reference_at, solve
 from geokalman.attitude.model import SATELLITES, Array, Scenario, Tuning
 from geokalman.physics.quaternion import difference, exp, multiply
 
@@ -26,7 +26,12 @@ def against(data_dir: str) -> str:
     """What errors are counted from, for captions: the truth of a simulation, or with real files the smoothed
     attitude.
     """
-    return "the smoothed attitude" if data_dir else "the truth"
+    return "the smoothed attitude of all cameras" if data_dir else "the truth"
+
+
+def error_label(data_dir: str) -> str:
+    """What such a number is called on an axis: with real files it is a difference, not an error."""
+    return "difference to the smoothed attitude" if data_dir else "attitude error"
 
 
 def origin(data_dir: str) -> str:
@@ -55,12 +60,24 @@ def filters(
         results = {s: solve(trip, s, tuning, names, use, calibrate) for s in chosen(satellite)}
         hz = tuning.update_hz
         runs += [
-            assess.statistics(result, trip.true_attitude(s, hz), trip.true_bias(s, tuning.axes, hz))
+            assess.statistics(
+                result,
+                trip.true_attitude(s, hz),
+                trip.true_bias(s, tuning.axes, hz),
+                _smoothed(trip, s, result, tuning, use),
+            )
             for s, result in results.items()
         ]
         if len(results) == 2 and hz == 1 and "rts" in names:
             pairs.append(_pair(trip, results, pitch_offset_rad))
     return assess.table_of(runs) | (assess.table_of(pairs) if pairs else {})
+
+
+def _smoothed(trip: Flight, satellite: str, result: Solved, tuning: Tuning, use: Sequence[int]) -> Array | None:
+    """For files, what a variant is held against: the smoother of all cameras at 1 Hz. None for that run itself."""
+    if trip.truth or (tuple(use) == (1, 2, 3) and tuning.update_hz == 1):
+        return None
+    return reference_at(trip, satellite, result.t, replace(tuning, update_hz=1))
 
 
 def _pair(trip: Flight, results: dict, pitch_offset_rad: float) -> dict[str, float]:
@@ -69,6 +86,8 @@ def _pair(trip: Flight, results: dict, pitch_offset_rad: float) -> dict[str, flo
     truth = {s: trip.true_attitude(s) if trip.truth else results[s].solutions["rts"].q for s in SATELLITES}
     r_C, r_D = trip.r["C"], trip.r["D"]
     out = assess.antenna_statistics(estimates, truth, r_C, r_D)
+    if not trip.truth:
+        del out["kbr_rate_error.rts"]  # held against itself
     if "mekf" in names and "jpl_like" in names:
         mekf, like = estimates["mekf"], estimates["jpl_like"]
         turned = {s: multiply(like[s], exp(np.array([0.0, pitch_offset_rad, 0.0]))) for s in SATELLITES}
