@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from geokalman.attitude import assess, estimate, gyro, trials
+from geokalman.attitude import flight as flights
 from geokalman.attitude.estimate import Measured
 from geokalman.attitude.flight import solve
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.level1 import Level1Error
-from geokalman.attitude.model import AXES, WRAP_DEG, Tuning
+from geokalman.attitude.model import AXES, WRAP_DEG, Scenario, Tuning
 from geokalman.kalman import NotPositiveDefinite
 from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
 from geokalman.physics.quaternion import difference, exp, multiply
@@ -60,6 +61,29 @@ def test_rates(hours, solved):
     assert assess.axis_mean(table, "band_minus_imu.jpl_like") / assess.axis_mean(
         table, "band_minus_imu.mekf"
     ) == pytest.approx(2.86, abs=0.2)
+
+
+@pytest.mark.parametrize(("arw", "attitude", "rate"), [(2e-4, 1.1e-6, 5.8e-8), (2e-3, 3.0e-6, 5.0e-7)])
+def test_the_sweep_of_gyro_noise(hours, arw, attitude, rate):
+    """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles slowly."""
+    tuned = Tuning(arw_deg_sqrt_h=arw)
+    trip = flights.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
+    table = assess.table_of([assess.statistics(solve(trip, s, tuned, ("mekf",)), trip.true_attitude(s)) for s in "CD"])
+    assert assess.axis_mean(table, "attitude_rms.mekf") == pytest.approx(attitude, abs=0.35e-6)
+    assert assess.axis_mean(table, "rate_minus_imu.mekf") == pytest.approx(rate, rel=0.03)
+
+
+def test_files_have_no_error_of_their_own_smoother(short, tuning):
+    """Without the truth the smoother is the reference of the others, and is not held against itself."""
+    result = solve(short, "C", tuning, ("mekf", "rts"))
+    own = assess.statistics(result, None)
+    assert (
+        "attitude_rms.mekf.roll" in own
+        and "attitude_rms.rts.roll" not in own
+        and "rate_minus_truth.mekf.roll" not in own
+    )
+    held = assess.statistics(result, None, smoothed=short.true_attitude("C"))
+    assert held["attitude_rms.rts.roll"] == assess.statistics(result, short.true_attitude("C"))["attitude_rms.rts.roll"]
 
 
 def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
