@@ -242,3 +242,18 @@ def test_prose_of_a_page(toy):
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
     assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain
     assert "<h2>T</h2>" in found
+
+
+def test_a_runs_own_numbers_stand_in_its_prose():
+    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+    from geokalman.reproduce import blocks
+
+    metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
+    text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]]."
+    notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
+    blocks.insert_own(notebook, "p/01-a", metrics, lenient=False)
+    assert notebook.cells[0].source.replace("\xa0", " ").replace("\u202f", " ") == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]]."
+    assert notebook.cells[1].source == text
+    blocks.insert_own(notebook, "p/01-a", metrics, lenient=True)
+    assert notebook.cells[0].source.replace("\xa0", " ").replace("\u202f", " ") == "It is 1.23 × 10⁻⁶ rad; –, –, [[p/02-b:other]]."

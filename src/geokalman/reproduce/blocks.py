@@ -11,9 +11,13 @@ import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from geokalman.reproduce import claims, display, notebooks
 from geokalman.reproduce.errors import Fault
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
 
 _SHELVES = ("kalman", "physics", "geokalman")  # first in the list of the package; the applications follow
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
@@ -43,6 +47,24 @@ def recorded_number(root: Path, notebook: str, key: str) -> str:
         there = ", ".join(metrics or {}) or "nothing yet"
         raise Fault(f"[[{notebook}:{key}]] names no recorded number; {notebook} records {there}.")
     return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
+
+
+def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, lenient: bool) -> None:
+    """Put the numbers that an executed notebook recorded into its own prose, so that the run reads well by itself.
+
+    lenient : a number that this run did not record becomes a dash (other parameters may leave it out); else its call stays,
+    and staging refuses it. Numbers of other notebooks stay calls: they belong to the book.
+    """
+
+    def number(match: re.Match[str]) -> str:
+        if match[1] != name or (match[2] not in metrics and not lenient):
+            return match[0]
+        told = metrics.get(match[2])
+        return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
+
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = _NUMBER.sub(number, cell.source)
 
 
 def verdicts(root: Path, paper: str) -> str:

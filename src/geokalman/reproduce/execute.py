@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -96,7 +96,10 @@ def _run_alone(
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
-        _warn_of(parameters.specification(source, name).changed(told["parameters"]), executed)
+        changed = parameters.specification(source, name).changed(told["parameters"])
+        metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
+        blocks.insert_own(executed, name, metrics, lenient=bool(changed))
+        _warn_of(changed, executed)
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
             from geokalman.reproduce import page as pages
