@@ -93,15 +93,19 @@ def _plain(text: str) -> str:
 
 
 def run_times(root: Path) -> str:
-    """Table of the notebooks with the time that each took in this build."""
-    rows, total = [], 0.0
+    """Table of the notebooks with the time that each took in this build, and the sum of each part."""
+    rows: list[str] = []
+    totals: dict[str, float] = {}
     for name in notebooks.names(root):
         path = root / "book" / "_build" / "runs" / name / "provenance.json"
         if path.is_file():
-            told = json.loads(path.read_text(encoding="utf-8"))
-            total += told["seconds"]
-            rows.append(f"| {{doc}}`/{name}` | {told['seconds']:.1f} |")
-    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, f"| all | {total:.1f} |"])
+            seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"]
+            paper = name.partition("/")[0]
+            totals[paper] = totals.get(paper, 0.0) + seconds
+            rows.append(f"| {{doc}}`/{name}` | {seconds:.1f} |")
+    sums = [f"| all of {{doc}}`/{paper}/index` | {total:.1f} |" for paper, total in totals.items()]
+    whole = f"| the whole book | {sum(totals.values()):.1f} |"
+    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, *sums, whole])
 
 
 def api(root: Path) -> str:
