@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
-from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -18,17 +16,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from geokalman.airborne import joint, read
 from geokalman.airborne.estimate import run_filter, run_smoother
 from geokalman.airborne.model import Tuning, build
-
-
-def smallest(work: Callable[[], object], runs: int = 7) -> float:
-    """Smallest wall time of `runs` calls after one that is not counted [s]."""
-    work()
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
+from stopwatch import smallest, told, told_machine, told_part
 
 
 def bench_filters() -> None:
@@ -50,17 +38,19 @@ def bench_filters() -> None:
     ):
         cost = 1e6 * smallest(lambda call=call: [call(*one) for one in work]) / epochs
         total += cost if label in ("forward", "RTS") else 0.0
-        print(f"{label:24s}{cost:8.2f} us per epoch, {len(model.names)} states")
-    print(f"{'forward + RTS':24s}{total:8.2f} us per epoch   (wanted: at most 15)")
+        told(f"{label}, {len(model.names)} states", cost, "us per epoch")
+    told("forward + RTS", total, "us per epoch", 15.0)
 
 
 def bench_joint() -> None:
     survey = read.load("kauring", 60.0)
     cost = smallest(lambda: joint.joint_field(survey.flights), 2)
-    print(f"{'joint, whole survey':24s}{cost:8.2f} s, weighted (two solves), {joint.Waves().count} unknowns")
+    told(f"joint, whole survey, {joint.Waves().count} unknowns, two solves", cost, "s")
 
 
 if __name__ == "__main__":
+    told_machine()
     bench_filters()
+    told_part("airborne-gravity", 3)
     if "--joint" in sys.argv:
         bench_joint()

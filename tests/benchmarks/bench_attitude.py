@@ -9,24 +9,10 @@ Limits of the project, one core: 40 us per 1 Hz epoch of the filter on pre-integ
 from __future__ import annotations
 
 import tempfile
-import time
-from collections.abc import Callable
-
-import numpy as np
 
 from geokalman.attitude import estimate, flight, gyro, write
 from geokalman.attitude.model import GYRO_HZ, SATELLITES, Scenario, Tuning
-
-
-def timed(label: str, call: Callable[[], object], per: float = 1.0, unit: str = "s", repeat: int = 3) -> None:
-    """Print the best of some calls over `per`, the first one (compilation) not counted; wall and processor time."""
-    call()
-    wall, cpu = np.inf, np.inf
-    for _ in range(repeat):
-        start, begun = time.perf_counter(), time.process_time()
-        call()
-        wall, cpu = min(wall, time.perf_counter() - start), min(cpu, time.process_time() - begun)
-    print(f"{label:58s} {wall / per:9.3f} {unit} ({cpu / per:.3f} of one processor)")
+from stopwatch import smallest, told, told_machine, told_part
 
 
 def through_files(trip: flight.Flight, scenario: Scenario) -> flight.Flight:
@@ -39,25 +25,28 @@ def through_files(trip: flight.Flight, scenario: Scenario) -> flight.Flight:
 
 
 def main() -> None:
+    told_machine()
     scenario, tuning = Scenario(duration_s=86400.0), Tuning()
-    timed("a simulated day, both satellites", lambda: flight.flight(scenario, 1))
+    told("a simulated day, both satellites", smallest(lambda: flight.flight(scenario, 1), 3), "s", 15.0)
     trip = flight.flight(scenario, 1)
     result = flight.solve(trip, "C", tuning, ("mekf",))
     m, raw = result.measured, trip.raw["C"]
-    epochs = len(m.z) * 1e-6
     at_8_hz = m._replace(d=result.increments.d)
-    timed("MEKF on 1 s increments, per 1 Hz epoch", lambda: estimate.mekf(m, tuning), epochs, "us")
-    timed(
-        "pre-integration and MEKF, per 1 Hz epoch",
-        lambda: estimate.mekf(m._replace(d=gyro.preintegrate(result.increments, 1).d), tuning),
-        epochs,
-        "us",
-    )
-    timed("MEKF and RTS, per 1 Hz epoch", lambda: estimate.mekf(m, tuning, smooth=True), epochs, "us")
-    timed("AKF7, 8 Hz prediction, per 1 Hz epoch", lambda: estimate.akf7(at_8_hz, tuning, stride=GYRO_HZ), epochs, "us")
-    timed("combination of a day of cameras", lambda: flight.combination(raw, tuning))
-    timed("gyro chain of a day", lambda: gyro.reduced(raw, tuning))
-    timed("a day through Level-1 files, written and read", lambda: through_files(trip, scenario), repeat=1)
+
+    def together() -> None:
+        estimate.mekf(m._replace(d=gyro.preintegrate(result.increments, 1).d), tuning)
+
+    for label, work, limit in (
+        ("MEKF on 1 s increments", lambda: estimate.mekf(m, tuning), 40.0),
+        ("pre-integration and MEKF", together, None),
+        ("MEKF and RTS", lambda: estimate.mekf(m, tuning, smooth=True), None),
+        ("AKF7, 8 Hz prediction", lambda: estimate.akf7(at_8_hz, tuning, stride=GYRO_HZ), None),
+    ):
+        told(label, 1e6 * smallest(work, 3) / len(m.z), "us per 1 Hz epoch", limit)
+    told("combination of a day of cameras", smallest(lambda: flight.combination(raw, tuning), 3), "s")
+    told("gyro chain of a day", smallest(lambda: gyro.reduced(raw, tuning), 3), "s")
+    told("a day through Level-1 files, written and read", smallest(lambda: through_files(trip, scenario), 1), "s")
+    told_part("gracefo-attitude", 6)
 
 
 if __name__ == "__main__":

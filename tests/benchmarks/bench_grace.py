@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -27,24 +26,14 @@ from geokalman.kalman.unscented import spread
 from geokalman.leastsquares import NormalEquations
 from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, design_block
-
-
-def smallest(work: Callable[[], object], runs: int = 7) -> float:
-    """Smallest wall time of `runs` calls after one that is not counted [s]."""
-    work()
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
+from stopwatch import smallest, told, told_machine, told_part
 
 
 def bench_orbits() -> None:
     scenario = Scenario(days=1.0)
     gravity = scenario.gravity()
     day = smallest(lambda: simulate.orbit_pair(scenario, gravity), 5)
-    print(f"pair of orbits, degree 70       {day:8.3f} s per day   {30 * day:8.2f} s for 30 days")
+    told("pair of orbits, degree 70, 30 days", 30 * day, "s", 5.0)
 
 
 def bench_filters(n: int = 2881) -> None:
@@ -65,15 +54,18 @@ def bench_filters(n: int = 2881) -> None:
             tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
         )  # fmt: skip
 
-    for label, kind in (("filter, positions", 0), ("filter, positions and range-rate", 1), ("UKF, sequential", 2), ("EKF, simultaneous", 3), ("UKF, simultaneous", 4)):
-        print(f"{label:32s}{1e6 * smallest(lambda k=kind: forward(k), 15) / n:8.2f} us per epoch")
+    for kind, (label, limit) in enumerate((
+        ("filter, positions", 3.0), ("filter, positions and range-rate", 3.0), ("UKF, sequential", 8.0),
+        ("EKF, simultaneous", None), ("UKF, simultaneous", None),
+    )):  # fmt: skip
+        told(label, 1e6 * smallest(lambda k=kind: forward(k), 15) / n, "us per epoch", limit)
     forward(2)
-    for label, covariances in (("RTS, states", False), ("RTS, states and covariances", True)):
+    for label, covariances, limit in (("RTS, states", False, None), ("RTS, states and covariances", True, 5.0)):
         cost = smallest(lambda both=covariances: _smooth(x_pred, P_pred, x, P, Phi, Q, both, x_s, P_s), 15)
-        print(f"{label:32s}{1e6 * cost / n:8.2f} us per epoch")
-    for label, method in (("ekf()", estimate.ekf), ("ukf()", estimate.ukf)):
+        told(label, 1e6 * cost / n, "us per epoch", limit)
+    for label, method in (("ekf(), everything", estimate.ekf), ("ukf(), everything", estimate.ukf)):
         cost = smallest(lambda m=method: m(data, tuning), 7)
-        print(f"{label + ', everything':32s}{1e6 * cost / n:8.2f} us per epoch   {86401 * cost / n:8.2f} s for 30 days")
+        told(label, 1e6 * cost / n, "us per epoch", note=f"{86401 * cost / n:.2f} s for 30 days")
 
 
 def bench_recovery(n_max: int = 70, rows: int = recover.BLOCK, right_sides: int = 11) -> None:
@@ -85,14 +77,15 @@ def bench_recovery(n_max: int = 70, rows: int = recover.BLOCK, right_sides: int 
     unknowns = column_count(n_max)
     design, y = np.empty((rows, unknowns)), np.random.default_rng(0).standard_normal((rows, right_sides))
     cost = smallest(lambda: design_block(gravity.gm, gravity.radius, n_max, r_A, r_B, e, design))
-    print(f"design row, degree {n_max}           {1e6 * cost / rows:8.2f} us")
+    told(f"design row, degree {n_max}", 1e6 * cost / rows, "us", 10.0)
     normals, raw = NormalEquations(unknowns, right_sides), np.zeros((unknowns, unknowns), order="F")
     flop = float(rows) * unknowns**2
     ours, peer = np.inf, np.inf
     for _ in range(4):  # in turns, so that a busy moment hits both
         ours = min(ours, smallest(lambda: normals.add(design, y), 1))
         peer = min(peer, smallest(lambda: blas.dsyrk(1.0, design.T, beta=1.0, c=raw, lower=1, overwrite_c=1), 1))
-    print(f"normal equations                {flop / ours / 1e9:8.1f} GFLOP/s, raw dsyrk {flop / peer / 1e9:.1f} ({100 * peer / ours:.0f} %)")
+    note = f"raw dsyrk {flop / peer / 1e9:.1f}: {100 * peer / ours:.0f} % of it, at least 90 wanted"
+    told("normal equations", flop / ours / 1e9, "GFLOP/s", note=note)
 
 
 def bench_chain(days: float, n_max: int) -> None:
@@ -114,12 +107,12 @@ def bench_chain(days: float, n_max: int) -> None:
     for name in recovery.ids:
         assess.map_statistics(assess.geoid_error(recovery, name, gravity, 1.0, 0.0))
     done("maps")
-    told = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in stages.items())
-    print(f"chain, {days:g} d, degree {n_max}: {sum(stages.values()):.2f} s ({told})")
+    parts = ", ".join(f"{stage} {seconds:.2f}" for stage, seconds in stages.items())
+    told(f"chain, {days:g} d, degree {n_max}", sum(stages.values()), "s", note=parts)
 
 
 def main() -> None:
-    print(f"load {os.getloadavg()[0]:.2f}, OPENBLAS_NUM_THREADS {os.environ['OPENBLAS_NUM_THREADS']}; smallest of several runs")
+    told_machine()
     bench_orbits()
     bench_filters()
     bench_recovery()
@@ -127,6 +120,7 @@ def main() -> None:
         bench_chain(5.0, 30)
     if "--book" in sys.argv[1:]:
         bench_chain(30.0, 70)
+    told_part("grace-fusion", 3)
 
 
 if __name__ == "__main__":

@@ -9,9 +9,6 @@ import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before pyharm loads OpenMP
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 
 from geokalman.constants import GM_EARTH, OMEGA_EARTH
@@ -23,19 +20,9 @@ from geokalman.physics.harmonics import load_field
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.physics.orbit import integrate
 from geokalman.physics.partials import column_count, design_block
+from stopwatch import smallest, told, told_machine
 
 N_MAX, POINTS = 70, 2000
-
-
-def smallest(work: Callable[[], object], runs: int = 15) -> float:
-    """Smallest wall time of `runs` calls after one that is not counted [s]."""
-    work()
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - start)
-    return min(times)
 
 
 def main() -> None:
@@ -49,14 +36,15 @@ def main() -> None:
     e = (rA - rB) / np.linalg.norm(rA - rB, axis=1)[:, None]
     rows = np.empty((POINTS, column_count(N_MAX)))
 
-    print(f"EGM96 to degree and order {N_MAX}, smallest of several runs, one thread")
-    print(f"acceleration            {1e6 * smallest(lambda: acceleration(field, rA)) / POINTS:8.2f} us per point")
-    print(f"gradient tensor         {1e6 * smallest(lambda: gradient_tensor(field, rA), 5) / POINTS:8.2f} us per point")
-    block = smallest(lambda: design_block(field.gm, field.radius, N_MAX, rA, rB, e, rows))
-    print(f"design row              {1e6 * block / POINTS:8.2f} us per pair")
+    told_machine()
+    print(f"EGM96 to degree and order {N_MAX}, one thread")
+    told("acceleration", 1e6 * smallest(lambda: acceleration(field, rA), 15) / POINTS, "us per point", 5.0)
+    told("gradient tensor", 1e6 * smallest(lambda: gradient_tensor(field, rA), 5) / POINTS, "us per point")
+    block = smallest(lambda: design_block(field.gm, field.radius, N_MAX, rA, rB, e, rows), 15)
+    told("design row", 1e6 * block / POINTS, "us per pair", 10.0)
     for method, h in (("gj", 10.0), ("gj", 5.0), ("dop853", 30.0), ("dop853", 15.0)):
         day = smallest(lambda m=method, s=h: integrate(gravity_force, params, y0, (30.0, 2880), m, s), 5)
-        print(f"pair, {method:6} h = {h:4.1f} s {day:8.3f} s per day")
+        told(f"pair, {method}, h = {h:g} s", day, "s per day")
 
     try:
         import pyharm
@@ -67,8 +55,8 @@ def main() -> None:
     theirs = pyharm.shc.Shc.from_arrays(N_MAX, c, s, mu=field.gm, r=field.radius)
     radius, latitude, longitude = spherical(rA)
     scattered = pyharm.crd.PointSctr.from_arrays(latitude, longitude, radius)
-    peer = smallest(lambda: pyharm.shs.point_grad1(scattered, theirs, N_MAX))
-    print(f"pyharm point_grad1      {1e6 * peer / POINTS:8.2f} us per point")
+    peer = smallest(lambda: pyharm.shs.point_grad1(scattered, theirs, N_MAX), 15)
+    told("pyharm point_grad1", 1e6 * peer / POINTS, "us per point")
 
 
 if __name__ == "__main__":

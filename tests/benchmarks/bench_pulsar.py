@@ -8,25 +8,20 @@ seeds and six filters 20 s; the whole part 180 s on two cores. Told beside what 
 
 from __future__ import annotations
 
-import json
 import time
 
-from geokalman.files import project_root
 from geokalman.physics import mars
 from geokalman.pulsar import ensemble
 from geokalman.pulsar.dynamics import rich_force
 from geokalman.pulsar.ensemble import Method
 from geokalman.pulsar.model import Mission, preset
+from stopwatch import told, told_machine, told_part
 
 TABLE_3 = ["ekf", "aekf1_prw", "aekf2", "raekf", "aekf1_pr3", "ekf_tuned"]
 
 
-def told(label: str, value: float, unit: str, limit: float | None = None) -> None:
-    """One line: what was measured, and the limit."""
-    print(f"{label:52s} {value:8.1f} {unit}" + (f"   (limit {limit:g})" if limit else ""))
-
-
 def main() -> None:
+    told_machine()
     mission, gravity, chosen = Mission(), mars.gravity(), preset("E")
     methods = ensemble.table3_methods(chosen, TABLE_3)
     trial = ensemble.experiment(mission, chosen, gravity, methods | {"ukf": Method("ukf")})
@@ -38,11 +33,7 @@ def main() -> None:
     begun = time.process_time()
     ensemble.ensemble(six, 0, 20)
     told("Table 3, 20 seeds, 6 filters", time.process_time() - begun, "s", 20.0)
-    pages = sorted((project_root() / "book" / "_build" / "runs" / "mars-pulsar").glob("*/provenance.json"))
-    if len(pages) == 12:
-        seconds = sum(json.loads(page.read_text(encoding="utf-8"))["seconds"] for page in pages)
-        told("pages of the last build, one after another", seconds, "s")
-        told("the same two at a time, at best", seconds / 2, "s", 180.0)
+    told_part("mars-pulsar", 3)
 
 
 if __name__ == "__main__":

@@ -9,35 +9,13 @@ a busy one all of this is slower. Never a gate.
 
 from __future__ import annotations
 
-import json
-import os
-import time
-
 import numpy as np
-
-from geokalman.files import project_root
 
 from geokalman.radioastron import study
 from geokalman.radioastron.correlator import Setup, coherence
 from geokalman.radioastron.data import Levels
 from geokalman.radioastron.model import find_session, nominal_state, world
-
-
-def told(label: str, seconds: float, limit: float | None) -> None:
-    """Print a time, and the limit with what came of it."""
-    verdict = "" if limit is None else f"   limit {limit * 1e3:9.0f} ms, {'met' if seconds <= limit else 'NOT MET'}"
-    print(f"{label:48s} {seconds * 1e3:10.2f} ms{verdict}")
-
-
-def timed(label: str, call, repeat: int = 3, limit: float | None = None) -> None:
-    """Print the best of some calls, the first one (compilation, tables) not counted."""
-    call()
-    best = np.inf
-    for _ in range(repeat):
-        start = time.perf_counter()
-        call()
-        best = min(best, time.perf_counter() - start)
-    told(label, best, limit)
+from stopwatch import smallest, told, told_machine, told_part
 
 
 def main() -> None:
@@ -45,15 +23,13 @@ def main() -> None:
     dynamics = world(session, days=1.0)
     state = nominal_state(session, dynamics)
     day = session.first + np.array([0.0, 86400.0])
-    print(f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
-    timed("propagation of one day", lambda: dynamics.propagate(state, day), limit=0.010)
-    timed("one day with transition matrix", lambda: dynamics.transition(state, *day))
-    timed("session study, 60 seeds, three estimators", lambda: study.standard(session, Levels(), 1000, 60), 1, 20.0)
-    timed("coherence, 256 channels, padding 4", lambda: coherence(Setup(), 1.8e-10, 0.0))
-    runs = (project_root() / "book" / "_build" / "runs" / "radioastron-orbit").glob("*/provenance.json")
-    seconds = [json.loads(path.read_text(encoding="utf-8"))["seconds"] for path in runs]
-    if seconds:
-        told(f"the part's {len(seconds)} notebooks in the last build, halved", 0.5 * sum(seconds), 240.0)
+    told_machine()
+    told("propagation of one day", 1e3 * smallest(lambda: dynamics.propagate(state, day)), "ms", 10.0)
+    told("one day with transition matrix", 1e3 * smallest(lambda: dynamics.transition(state, *day)), "ms")
+    sixty = smallest(lambda: study.standard(session, Levels(), 1000, 60), 1)
+    told("session study, 60 seeds, three estimators", sixty, "s", 20.0)
+    told("coherence, 256 channels, padding 4", 1e3 * smallest(lambda: coherence(Setup(), 1.8e-10, 0.0)), "ms")
+    told_part("radioastron-orbit", 4)
 
 
 if __name__ == "__main__":
