@@ -66,14 +66,6 @@ def test_executed_notebook(ran):
     assert len(injected) == 1 and "slope = 3.0" in injected[0] and "n = 5" in injected[0]
 
 
-def test_numbers_of_a_run_in_its_sentences():
-    text = "[[toy/01-line:line.mean]], [[toy/01-line:none]], [[toy/02-constant:quotient]]"
-    metrics = {"line.mean": {"value": 6.0, "unit": "m/s^2"}}
-    part, whole = (blocks.fill_own(text, "toy/01-line", metrics, whole) for whole in (False, True))
-    assert part == "6.00\u00a0m/s², –, [[toy/02-constant:quotient]]"
-    assert whole == "6.00\u00a0m/s², [[toy/01-line:none]], [[toy/02-constant:quotient]]"
-
-
 def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
@@ -252,3 +244,21 @@ def test_prose_of_a_page(toy):
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
     assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain
     assert "<h2>T</h2>" in found
+
+
+def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
+    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+    def filled(lenient: bool) -> str:
+        text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+        notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
+        blocks.insert_own(notebook, "p/01-a", metrics, tmp_path, lenient)
+        assert notebook.cells[1].source == text
+        return notebook.cells[0].source.replace("\xa0", " ")
+
+    metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
+    book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
+    book.parent.mkdir(parents=True)
+    book.write_text(json.dumps({"other": {"value": 2.0, "unit": "m"}}))
+    assert filled(lenient=False) == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+    assert filled(lenient=True) == "It is 1.23 × 10⁻⁶ rad; –, –, 2.00 m, –."

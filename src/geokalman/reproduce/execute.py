@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -96,8 +96,10 @@ def _run_alone(
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
-        _fill_in(executed, name, record, told["mode"] == "book")
-        _warn_of(parameters.specification(source, name).changed(told["parameters"]), executed)
+        changed = parameters.specification(source, name).changed(told["parameters"])
+        metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
+        blocks.insert_own(executed, name, metrics, root, lenient=bool(changed))
+        _warn_of(changed, executed)
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
             from geokalman.reproduce import page as pages
@@ -223,16 +225,6 @@ def _as_json(notebook: NotebookNode) -> str:
 
 def _write_notebook(path: Path, notebook: NotebookNode) -> None:
     atomic.write_text(path, _as_json(notebook) + "\n")
-
-
-def _fill_in(notebook: NotebookNode, name: str, record: Path, whole: bool) -> None:
-    """Put the numbers of this run into its sentences, so that they stand in every viewer of notebooks."""
-    from geokalman.reproduce import blocks
-
-    metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = blocks.fill_own(cell.source, name, metrics, whole)
 
 
 def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
