@@ -33,7 +33,7 @@ class DarkTwin(SphinxTransform):
 
 
 class VerdictBadge(SphinxTransform):
-    """Mark a table cell whose whole text is a verdict, so that the style sheet draws it as a badge."""
+    """Mark a table cell whose whole text is a verdict as a badge, and the cells of such a table by their columns' names."""
 
     default_priority = 220
 
@@ -45,6 +45,19 @@ class VerdictBadge(SphinxTransform):
             paragraph = next(iter(entry.findall(nodes.paragraph)), None)
             if paragraph is not None:
                 paragraph[:] = [nodes.inline("", word, classes=["verdict", f"verdict-{word}"])]
+                self._name_cells(entry.parent.parent.parent)
+
+    @staticmethod
+    def _name_cells(group: nodes.tgroup) -> None:
+        """Give each cell of a table of claims a class, so that a narrow screen can stack them (book.css)."""
+        if "claims" in group.parent["classes"]:
+            return
+        group.parent["classes"].append("claims")
+        head = next(iter(group.findall(nodes.thead)))
+        names = [entry.astext().strip().lower().replace(" ", "-") for entry in head.findall(nodes.entry)]
+        for row in next(iter(group.findall(nodes.tbody))).findall(nodes.row):
+            for name, entry in zip(names, row.children, strict=True):
+                entry["classes"].append(f"claim-{name}" if entry.astext().strip() else "claim-nothing")
 
 
 def setup(app) -> dict:

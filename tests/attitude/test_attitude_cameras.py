@@ -1,4 +1,6 @@
-"""Star cameras: errors of singles and combinations as the mounting predicts, covariance, sign flips, gaps, calibration."""
+"""Star cameras: errors of singles and combinations as the mounting predicts, covariance, sign flips, gaps,
+calibration.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def one_epoch(rng, n=4000):
     """Attitudes of the three cameras about one true attitude, (3, n, 4)."""
     q = multiply(exp(np.array([0.3, -1.0, 2.0])), exp(np.zeros((n, 3))))
     noise = rng.standard_normal((3, n, 3)) * SIGMA * np.array([1, 1, 9.0])
-    return q, np.stack([multiply(multiply(multiply(q, quat_inverse(m)), exp(e)), m) for m, e in zip(QSA, noise, strict=True)])
+    return q, np.stack(
+        [multiply(multiply(multiply(q, quat_inverse(m)), exp(e)), m) for m, e in zip(QSA, noise, strict=True)]
+    )
 
 
 def quat_inverse(q):

@@ -1,4 +1,6 @@
-"""Pointing angles, antenna correction, accelerations, what becomes of them in range-rates, and the time tag experiment."""
+"""Pointing angles, antenna correction, accelerations, what becomes of them in range-rates, and the time tag
+experiment.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ def test_angles_of_a_turned_satellite(short):
         turned = multiply(base, exp(1e-3 * axis))
         expected = np.zeros(3)
         expected[i] = 1e-3
-        np.testing.assert_allclose(pointing.angles(turned, short.r["C"], short.r["D"]).mean(axis=0), expected, atol=1e-12)
+        np.testing.assert_allclose(
+            pointing.angles(turned, short.r["C"], short.r["D"]).mean(axis=0), expected, atol=1e-12
+        )
 
 
 def test_rates_of_a_steady_turn():
@@ -33,7 +37,9 @@ def test_antenna_correction(hours, solved):
     assert pointing.central_rate(series).std() == pytest.approx(1.71e-9, abs=0.35e-9)
     ideal = {s: from_matrix(los_frame(hours.r[s], hours.r[o])) for s, o in (("C", "D"), ("D", "C"))}
     np.testing.assert_allclose(
-        pointing.antenna_correction(ideal["C"], ideal["D"], hours.r["C"], hours.r["D"]), PHASE_CENTRE["C"][0] + PHASE_CENTRE["D"][0], atol=1e-9
+        pointing.antenna_correction(ideal["C"], ideal["D"], hours.r["C"], hours.r["D"]),
+        PHASE_CENTRE["C"][0] + PHASE_CENTRE["D"][0],
+        atol=1e-9,
     )
 
 
@@ -42,7 +48,11 @@ def test_errors_of_the_antenna_rate_follow_the_filter(hours, tuning):
     assert table["kbr_rate_error.mekf"][0] == pytest.approx(1.29e-10, abs=0.1e-10)
     assert table["kbr_rate_error.rts"][0] == pytest.approx(0.90e-10, abs=0.07e-10)
     assert table["kbr_rate_error.jpl_like"][0] == pytest.approx(2.83e-10, abs=0.2e-10)
-    assert table["kbr_rate_difference.both"][0] > table["kbr_rate_difference.one"][0] > 5 * table["kbr_rate_difference.none"][0]
+    assert (
+        table["kbr_rate_difference.both"][0]
+        > table["kbr_rate_difference.one"][0]
+        > 5 * table["kbr_rate_difference.none"][0]
+    )
 
 
 def test_nongravitational_accelerations():
@@ -60,6 +70,8 @@ def test_acceleration_differences(short):
     assert np.abs(pointing.acceleration_difference(q, q, a)).max() == 0.0
     change = pointing.acceleration_difference(q, effect.turned(q, 6e-4), a)
     np.testing.assert_allclose(np.linalg.norm(change, axis=1), 6e-4 * np.hypot(a[:, 0], a[:, 2]), rtol=1e-3)
+    with pytest.raises(ValueError, match="acc_bias = .* must have three components"):
+        effect.accelerometer(short, "C", q, (1e-6, 0.0))
     biased = effect.accelerometer(short, "C", q, (1e-6, 0.0, 1e-6))
     np.testing.assert_allclose(biased - a, np.tile([1e-6, 0, 1e-6], (len(a), 1)), atol=1e-20)
 

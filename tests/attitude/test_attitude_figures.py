@@ -40,24 +40,35 @@ def test_series_and_spectra():
         assert np.isfinite(axes[i, 1].lines[1].get_data()[1]).all()
     assert axes[2, 0].get_xlabel() == "time [h]" and axes[2, 1].get_xlabel() == "frequency [Hz]"
     assert labels(figure) == ["MEKF", "JPL-like stand-in"]
-    renamed = figures.series_and_spectra(t, {"mekf": series["mekf"][:, :1]}, 1.0, "nm/s", 1e9, ("rate",), labels={"mekf": "the rate"})
+    renamed = figures.series_and_spectra(
+        t, {"mekf": series["mekf"][:, :1]}, 1.0, "nm/s", 1e9, ("rate",), labels={"mekf": "the rate"}
+    )
     assert labels(renamed) == ["the rate"]
 
 
 def test_bars_stand_beside_what_is_printed():
-    figure = figures.bars({"akf7": [1, 2, 3], "jpl_like": [4, 5, 6]}, {"akf7": [0.1] * 3}, "std [10⁻⁷ rad/s]", {"akf7": [1.5, 2.5, 3.5]})
+    figure = figures.bars(
+        {"akf7": [1, 2, 3], "jpl_like": [4, 5, 6]}, {"akf7": [0.1] * 3}, "std [10⁻⁷ rad/s]", {"akf7": [1.5, 2.5, 3.5]}
+    )
     axes = figure.axes[0]
     assert sorted(bar.get_height() for bar in axes.patches) == [1, 2, 3, 4, 5, 6]
-    dashes = [s[0][1] for c in axes.collections if len(c.get_segments()) == 3 for s in c.get_segments() if s[0][1] == s[1][1]]
+    dashes = [
+        s[0][1] for c in axes.collections if len(c.get_segments()) == 3 for s in c.get_segments() if s[0][1] == s[1][1]
+    ]
     assert dashes == [1.5, 2.5, 3.5]
     assert axes.get_ylabel() == "std [10⁻⁷ rad/s]" and [x.get_text() for x in axes.get_xticklabels()] == list(AXES)
 
 
 def test_closeness_and_accuracy():
-    figure = figures.closeness_and_accuracy({"default": [("mekf", 1e-7, 2e-6)], "paper-tuned": [("mekf", 2e-7, 3e-6), ("rts", 1e-7, 1e-6)]})
+    figure = figures.closeness_and_accuracy(
+        {"default": [("mekf", 1e-7, 2e-6, 1e-7)], "paper-tuned": [("mekf", 2e-7, 3e-6, 0.0), ("rts", 1e-7, 1e-6, 0.0)]}
+    )
     left, right = figure.axes
     assert left.lines[0].get_data() == ([pytest.approx(1.0)], [pytest.approx(2.0)])
-    assert left.get_title() == "default" and len(right.lines) == 2
+    assert left.get_title() == "default"
+    assert sum(line.get_marker() in "^o" for line in right.lines) == 2
+    bar = left.collections[0].get_segments()[0]
+    np.testing.assert_allclose(bar, [(1.0, 1.9), (1.0, 2.1)])
     assert "10⁻⁷ rad/s" in left.get_xlabel() and "µrad" in left.get_ylabel()
 
 
@@ -74,12 +85,20 @@ def test_weights_gyro_and_changes():
     np.testing.assert_allclose(figure.axes[0].lines[0].get_data()[1], [60, 16])
     assert "µrad" in figure.axes[0].get_ylabel()
     t = np.arange(100.0)
-    figure = figures.gyro_chain(t, t - 50, t, t, 1e-8 * t)
+    wrapped = np.where(t < 40, 5700 + t, t - 5700)
+    figure = figures.gyro_chain(t, wrapped, t, t, 1e-8 * t, 5e-7, 20.0)
+    np.testing.assert_allclose(figure.axes[0].lines[1].get_data(), [t[19:60] / 60, t[19:60]])
     np.testing.assert_allclose(figure.axes[1].lines[0].get_data()[1], 10 * t)
-    assert figure.axes[1].get_ylabel() == "parity residual [nrad]" and figure.axes[0].get_ylabel() == "filtered angle [deg]"
-    figure = figures.mean_changes({"C": [0, -5e-4, 0], "D": [0, 5e-4, 0]}, {"C": -5.5e-4, "D": 5.5e-4})
+    assert [line.get_ydata()[0] for line in figure.axes[1].lines[1:]] == pytest.approx([-500, 500])
+    assert labels(figure) == ["as it comes", "unwrapped", "fault, if beyond for 1 s"]
+    assert (
+        figure.axes[1].get_ylabel() == "parity residual [nrad]"
+        and figure.axes[0].get_ylabel() == "filtered angle [deg]"
+    )
+    figure = figures.mean_changes({"C": [0, -5e-4, 0], "D": [0, 5e-4, 0]}, {"C": -5.5e-4, "D": 5.5e-4}, 6e-4)
     assert [round(bar.get_height(), 6) for bar in figure.axes[0].patches] == [0, -0.5, 0, 0, 0.5, 0]
     assert figure.axes[0].get_ylabel() == "change of the mean [mrad]"
+    assert "printed, no sign given" in figure.axes[0].get_legend_handles_labels()[1]
 
 
 def test_gap_and_settling():
@@ -96,7 +115,9 @@ def test_gap_and_settling():
 
 def test_gravity_figures():
     degree = np.arange(2, 10)
-    figure = gravity_figures.degree_variances(degree, {"signal": ("season", 1e-20 * degree), "none": ("difference", 1e-28 * degree)})
+    figure = gravity_figures.degree_variances(
+        degree, {"signal": ("season", 1e-20 * degree), "none": ("difference", 1e-28 * degree)}
+    )
     np.testing.assert_allclose(figure.axes[0].lines[1].get_data()[1], 1e-28 * degree)
     assert figure.axes[0].get_yscale() == "log" and figure.axes[0].get_xlabel() == "degree n"
     grid = np.outer(np.linspace(-1, 1, 18), np.ones(36)) * 1e-3

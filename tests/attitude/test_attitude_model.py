@@ -22,7 +22,9 @@ def test_noise_factors_of_single_cameras_and_of_all_three():
     information = model.camera_information(QSA, 1.0, 9.0)
     factors = np.sqrt([np.diag(np.linalg.inv(L)) for L in information])
     np.testing.assert_allclose(factors, [(4.65, 1.00, 7.77), (4.23, 6.90, 4.18), (4.10, 6.95, 4.23)], atol=0.006)
-    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(information.sum(axis=0)))), (0.654, 0.737, 0.734), atol=6e-4)
+    np.testing.assert_allclose(
+        np.sqrt(np.diag(np.linalg.inv(information.sum(axis=0)))), (0.654, 0.737, 0.734), atol=6e-4
+    )
 
 
 @pytest.mark.parametrize(("satellite", "condition"), [("C", 1.0006), ("D", 1.0005)])
@@ -58,7 +60,14 @@ def test_velocity_is_the_derivative_of_the_position(flown):
 def test_mean_rate_along_the_orbit_and_separation():
     t = np.array([0.0, 5000.0])
     r, _ = truth.orbit(t, Scenario(eccentricity=0.0), 0.0)
-    rate = np.arccos(np.clip(r[0] @ truth.orbit(t + 10, Scenario(eccentricity=0.0), 0.0)[0][0] / np.linalg.norm(r[0]) ** 2, -1, 1)) / 10
+    rate = (
+        np.arccos(
+            np.clip(
+                r[0] @ truth.orbit(t + 10, Scenario(eccentricity=0.0), 0.0)[0][0] / np.linalg.norm(r[0]) ** 2, -1, 1
+            )
+        )
+        / 10
+    )
     assert rate == pytest.approx(1.1077e-3, rel=1e-3)
 
 
@@ -107,9 +116,20 @@ def test_impossible_scenarios_are_refused(change, message):
         Scenario(**change)
 
 
+def test_what_is_named_twice_is_refused():
+    with pytest.raises(ValueError, match=r"axes = \[1, 1, 2, 3\] names 1 twice"):
+        Tuning.from_parameters({"axes": [1, 2, 1, 3]})
+    with pytest.raises(ValueError, match=r"cameras_off = \[1, 1\] names 1 twice"):
+        Scenario.from_parameters({"cameras_off": [1, 1]})
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"axes": (1, 2)}, "leaves the rate undetermined"), ({"kappa": -1.0}, "kappa = -1 must be positive"), ({"update_hz": 4}, "update_hz = 4 is not offered")],
+    [
+        ({"axes": (1, 2)}, "leaves the rate undetermined"),
+        ({"kappa": -1.0}, "kappa = -1 must be positive"),
+        ({"update_hz": 4}, "update_hz = 4 is not offered"),
+    ],
 )
 def test_impossible_tunings_are_refused(change, message):
     with pytest.raises(ValueError, match=message):

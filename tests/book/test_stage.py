@@ -12,7 +12,7 @@ import nbformat
 import pytest
 import toybook
 
-from geokalman.reproduce import blocks, html, stage
+from geokalman.reproduce import blocks, contents, html, stage
 from geokalman.reproduce.errors import Fault
 
 RUN = Path("book/_build/runs") / toybook.PAGE
@@ -35,7 +35,7 @@ def rerecord(root: Path, change) -> None:
 
 
 def test_pages_come_in_the_order_of_the_contents(toy_root: Path) -> None:
-    assert stage.toc_pages(toy_root / "book/_toc.yml") == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
+    assert contents.pages(toy_root / "book/_toc.yml") == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
 
 
 def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> None:
@@ -88,6 +88,18 @@ def test_each_notebook_has_a_label_of_its_own_for_its_verdicts() -> None:
     assert stage.label("toy/01-wave", "wave") == "wave"
 
 
+def test_a_name_of_a_figure_stands_once_in_the_book(toy_root: Path) -> None:
+    other = "toy/02-again"
+    shutil.copyfile(toy_root / f"book/{toybook.PAGE}.md", toy_root / f"book/{other}.md")
+    shutil.copytree(toy_root / RUN, toy_root / "book/_build/runs" / other)
+    toc = toy_root / "book/_toc.yml"
+    line = f"    - file: {toybook.PAGE}\n"
+    toc.write_text(toc.read_text().replace(line, f"{line}    - file: {other}\n"))
+    with pytest.raises(stage.StageError, match=f"'wave' names a figure or table of {toybook.PAGE} and .* {other}; rename"):
+        stage.stage(toy_root)
+    assert not (toy_root / "book/_build/site").exists()
+
+
 def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
     code = [cell for cell in staged(toy_root).cells if cell.cell_type == "code"]
     sources = "\n".join(cell.source for cell in code)
@@ -134,7 +146,7 @@ def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
 
 
 def test_run_times_and_the_package_list(toy_root: Path) -> None:
-    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
+    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all of {doc}`/toy/index` | 1.5 |\n| the whole book | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
     module = toy_root / "src/geokalman/part.py"
     module.parent.mkdir(parents=True)
     module.write_text(
@@ -182,11 +194,11 @@ def test_the_site_is_whole_or_the_last_one(toy_root: Path) -> None:
 def test_pages_that_left_the_book_leave_the_site(toy_root: Path) -> None:
     extra = toy_root / "book/practice/extra.md"
     extra.write_text("# Extra\n")
-    contents = toy_root / "book/_toc.yml"
-    kept = contents.read_text()
-    contents.write_text(kept + "  - file: practice/extra\n")
+    toc = toy_root / "book/_toc.yml"
+    kept = toc.read_text()
+    toc.write_text(kept + "  - file: practice/extra\n")
     assert (stage.stage(toy_root) / "practice/extra.md").exists()
-    contents.write_text(kept)
+    toc.write_text(kept)
     assert not (stage.stage(toy_root) / "practice/extra.md").exists()
 
 

@@ -72,7 +72,20 @@ def test_a_comparison_shows_both_sides():
     claim = make(
         metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}
     )
-    assert claims.judge(claim, metrics(2.0)).ours == "2.000 not < 0.1 × 10.00"
+    assert claims.judge(claim, metrics(2.0)).ours == "x 2.000 not < 0.1 × y 10.00 m"
+
+
+@pytest.mark.parametrize(
+    "left, right, names",
+    [
+        ("a/01:rms.ekf.std", "a/01:rms.ukf.std", ("ekf", "ukf")),
+        ("a/01:camera.1.rms", "a/01:camera.2.rms", ("camera.1", "camera.2")),
+        ("a/01:x", "a/02:x", ("01", "02")),
+        ("a/01:fused.std", "a/01:table.ukf.std", ("fused", "table.ukf")),
+    ],
+)
+def test_names_of_a_comparison_are_what_differs(left, right, names):
+    assert claims._told_apart(left, right) == names
 
 
 def test_what_is_not_recorded_is_not_judged():

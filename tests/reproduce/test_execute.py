@@ -12,7 +12,7 @@ import nbformat
 import numpy as np
 import pytest
 
-from geokalman.reproduce import execute, notebooks, page
+from geokalman.reproduce import blocks, execute, notebooks, page
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
 
@@ -50,13 +50,16 @@ def test_executed_notebook(ran):
     _, folder, _ = ran
     notebook = nbformat.read(folder / "notebook.ipynb", as_version=4)
     nbformat.validate(notebook)
-    assert [c["id"] for c in notebook.cells] == [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells))]
+    own = [f"toy-01-line-{k:02d}" for k in range(len(notebook.cells) - 1)]
+    assert [c["id"] for c in notebook.cells] == ["changed", *own]  # other parameters: a warning stands above
     text = (folder / "notebook.ipynb").read_text()
     assert (
         str(folder.parent) not in text
         and "papermill" not in notebook.metadata
         and notebook.metadata.kernelspec.name == "python3"
     )
+    assert "its mean is 6.00\u00a0m:" in notebook.cells[1].source  # a number of this run stands in its sentence
+    assert "its mean is 6.00\u00a0m:" in (folder / "page.html").read_text()
     outputs = [o for c in notebook.cells for o in c.get("outputs", [])]
     assert any("application/vnd.geokalman.figure+json" in o.get("data", {}) for o in outputs)
     injected = [c.source for c in notebook.cells if "injected-parameters" in c.metadata.get("tags", [])]
@@ -67,10 +70,11 @@ def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
     body = text[text.index("<body>") :]
-    assert (
+    warning = (
         "This run differs from the paper's set-up: <code>slope=3.0, n=5</code>. "
         "The words around the numbers describe the paper's run."
-    ) in body
+    )
+    assert warning in body and warning in nbformat.read(folder / "notebook.ipynb", 4).cells[0].source
     assert "A straight line" in body and '<img alt="A rising line." src="data:image/png;base64,' in body
     assert (
         "see Figure 1" in re.sub(r"<[^>]+>", "", body).replace("\n", " ")
@@ -240,3 +244,21 @@ def test_prose_of_a_page(toy):
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
     assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain
     assert "<h2>T</h2>" in found
+
+
+def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
+    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+    def filled(lenient: bool) -> str:
+        text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+        notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
+        blocks.insert_own(notebook, "p/01-a", metrics, tmp_path, lenient)
+        assert notebook.cells[1].source == text
+        return notebook.cells[0].source.replace("\xa0", " ")
+
+    metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
+    book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
+    book.parent.mkdir(parents=True)
+    book.write_text(json.dumps({"other": {"value": 2.0, "unit": "m"}}))
+    assert filled(lenient=False) == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+    assert filled(lenient=True) == "It is 1.23 × 10⁻⁶ rad; –, –, 2.00 m, –."

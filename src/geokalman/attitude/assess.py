@@ -1,4 +1,6 @@
-"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain numbers."""
+"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain
+numbers.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +17,14 @@ from geokalman.physics.quaternion import difference
 
 EDGE_S = 600.0
 BAND = (0.01, 0.1)
+WIDE_BAND = (0.004, 0.2)  # Hz: where the paper finds its product below the official one
 SMOOTHERS = ("rts",)
 
 
 def inner(n: int, dt: float = 1.0, edge_s: float = EDGE_S) -> slice:
-    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for that."""
+    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for
+    that.
+    """
     edge = int(min(edge_s / dt, n // 6))
     return slice(edge, n - edge)
 
@@ -49,39 +54,56 @@ def rate_difference(solution: Solution, result: Solved) -> Array:
     return pointing.rates(solution.q, result.measured.dt) - result.rates[1:-1]
 
 
-def nees_of(solution: Solution, reference: Array) -> Array:
-    """NEES (n,) of the attitude, 3 degrees of freedom; NaN before the filter starts."""
-    e = error(solution.q, reference)
-    good = np.isfinite(e).all(axis=1) & np.isfinite(solution.cov).all(axis=(1, 2))
+def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> Array:
+    """NEES (n,) of the attitude, 3 degrees of freedom, or with the true bias (n, 3) of both, 6; NaN before the filter
+    starts.
+    """
+    e, cov = error(solution.q, reference), solution.cov
+    if bias is not None:
+        e, cov = np.concatenate([e, bias - solution.bias], axis=1), solution.full
+    good = np.isfinite(e).all(axis=1) & np.isfinite(cov).all(axis=(1, 2))
     out = np.full(len(e), np.nan)
-    out[good] = nees(e[good], solution.cov[good])
+    out[good] = nees(e[good], cov[good])
     return out
 
 
-def statistics(result: Solved, truth: Array | None) -> dict[str, float]:
+def statistics(
+    result: Solved, truth: Array | None, bias: Array | None = None, smoothed: Array | None = None
+) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
-    truth : (n, 4) true attitudes at the epochs of the result, or None; without it errors count from the smoothed solution,
-    and what needs the truth (rates and NEES against it) is left out.
+    truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None. Without
+    the truth, differences count from `smoothed` (n, 4), or from the run's own smoother, which then has none of its own;
+    rates and NEES against the truth are left out. Epochs at an edge of the clock do not count.
     """
     out: dict[str, float] = {}
     dt = result.measured.dt
     keep = inner(len(result.t), dt)
     rates_keep = inner(len(result.t) - 2, dt)
-    reference = result.solutions["rts"].q if truth is None and "rts" in result.solutions else truth
+    sound, sound_rates = ~result.edge[keep], ~result.edge[1:-1][rates_keep]
+    reference = smoothed if truth is None else truth
+    own = reference is None and "rts" in result.solutions
+    if own:
+        reference = result.solutions["rts"].q
     for name, solution in result.solutions.items():
-        if reference is not None:
-            out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep]))
+        if reference is not None and not (own and name == "rts"):
+            out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep][sound]))
         apart = rate_difference(solution, result)[rates_keep]
-        out |= by_axis(f"rate_minus_imu.{name}", std(apart))
+        out |= by_axis(f"rate_minus_imu.{name}", std(apart[sound_rates]))
         if np.isfinite(apart).all():
             out |= by_axis(f"band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
+            out |= by_axis(f"wide_band_minus_imu.{name}", pointing.band(apart, dt, *WIDE_BAND))
         if name not in SMOOTHERS:
-            out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep]) / 3)
+            out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep][sound]) / 3)
         if truth is not None:
-            true_rates = pointing.rates(truth, dt)
-            out |= by_axis(f"rate_minus_truth.{name}", std((pointing.rates(solution.q, dt) - true_rates)[rates_keep]))
+            seconds = slice(None, None, round(1.0 / dt))  # rates over a second either side, at any rate of updates
+            apart = pointing.rates(solution.q[seconds]) - pointing.rates(truth[seconds])
+            out |= by_axis(f"rate_minus_truth.{name}", std(apart[inner(len(apart))]))
             out[f"nees3.{name}"] = float(np.nanmean(nees_of(solution, truth)[keep]) / 3)
+        if bias is not None:
+            out |= by_axis(f"bias_rms.{name}", rms((bias - solution.bias)[keep]))
+            if solution.full is not None:
+                out[f"nees6.{name}"] = float(np.nanmean(nees_of(solution, truth, bias)[keep]) / 6)
     if truth is not None:
         half = pointing.rates(truth, dt)
         out |= by_axis("imu_minus_truth", std((result.rates[1:-1] - half)[rates_keep]))

@@ -1,4 +1,6 @@
-"""Star cameras: each to the satellite's axes, the weighted combination with its covariance, and relative mounting calibration."""
+"""Star cameras: each to the satellite's axes, the weighted combination with its covariance, and relative mounting
+calibration.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,24 @@ import numpy as np
 from numba import njit
 
 from geokalman.attitude.model import Array, camera_information
-from geokalman.physics.quaternion import continuous, conjugate, difference, difference_point, exp, multiply, retract_point, spline
+from geokalman.physics.quaternion import (
+    continuous,
+    conjugate,
+    difference,
+    difference_point,
+    exp,
+    multiply,
+    retract_point,
+    spline,
+)
 
 LONGEST_GAP = 5.0  # s: a quaternion is not interpolated over more
 SNAP = 1e-5  # s: a tag so near the second counts as there; the attitude turns by 1e-8 rad in it
 
 
 class Combined(NamedTuple):
-    """Combined attitudes q (n, 4) SRF to ICRF with covariances cov (n, 3, 3) [rad^2] in SRF axes; NaN where no camera sees.
+    """Combined attitudes q (n, 4) SRF to ICRF with covariances cov (n, 3, 3) [rad^2] in SRF axes; NaN where no camera
+    sees.
 
     used : (n,) bit mask of the cameras in each (1, 2, 4), as in SCA1B.
     """
@@ -27,16 +39,20 @@ class Combined(NamedTuple):
 
 
 def to_satellite(q_camera: Array, q_qsa: Array) -> Array:
-    """Attitudes of the satellite (3, n, 4), SRF to ICRF, from those of the cameras: q_SRF = q_SCA q_QSA, signs continuous."""
+    """Attitudes of the satellite (3, n, 4), SRF to ICRF, from those of the cameras: q_SRF = q_SCA q_QSA, signs
+    continuous.
+    """
     return np.stack([continuous(multiply(q, mount)) for q, mount in zip(q_camera, q_qsa, strict=True)])
 
 
-def combine(t: Array, q: Array, q_qsa: Array, sigma: float, k_aniso: float, use: tuple[int, ...] = (1, 2, 3)) -> Combined:
+def combine(
+    t: Array, q: Array, q_qsa: Array, sigma: float, k_aniso: float, use: tuple[int, ...] = (1, 2, 3)
+) -> Combined:
     """Weighted combination of the cameras, per epoch over those that see.
 
     q_r of any valid camera; delta = (sum L_i)^-1 sum L_i Log(q_r* q_i); q = q_r Exp(delta); covariance (sum L_i)^-1.
-    t : (n,) [s]; q : (3, n, 4) SRF to ICRF, NaN where invalid; q_qsa : (3, 4); sigma [rad], k_aniso : camera noise; use : cameras.
-    Source: Romans (2003), with Log for twice the vector part.
+    t : (n,) [s]; q : (3, n, 4) SRF to ICRF, NaN where invalid; q_qsa : (3, 4); sigma [rad], k_aniso : camera noise; use
+    : cameras. Source: Romans (2003), with Log for twice the vector part.
     """
     information = camera_information(q_qsa, sigma, k_aniso)
     n = q.shape[1]
@@ -84,8 +100,8 @@ def calibrate_mounting(
 ) -> tuple[Array, Array]:
     """Relative mounting of the cameras: the mean of Log(q_123* q_i) over epochs at which all three see, taken off each.
 
-    Returns the corrected attitudes (3, n, 4) and the rotation vectors taken off (3, 3) [rad, SRF axes]; what all three share
-    cannot be seen and stays. Raises ValueError where the three never see together.
+    Returns the corrected attitudes (3, n, 4) and the rotation vectors taken off (3, 3) [rad, SRF axes]; what all three
+    share cannot be seen and stays. Raises ValueError where the three never see together.
     """
     together = np.isfinite(q).all(axis=(0, 2))
     if not together.any():
@@ -100,14 +116,17 @@ def calibrate_mounting(
     return q, taken
 
 
-def at_seconds(combined: Combined) -> Combined:
-    """The combination at the integer seconds that it spans: samples where they stand there, else a spline between them.
+def at_seconds(combined: Combined, hz: int = 1) -> Combined:
+    """The combination at the integer seconds that it spans, or at `hz` epochs each: samples where they stand there,
+    else a spline.
 
-    Where the samples stand off the seconds, no second inside a gap longer than 5 s is filled: it stays NaN. The covariance
-    and the mask are those of the nearest sample; a spline averages two samples, which the covariance then overstates.
+    Where the samples stand off these epochs, none inside a gap longer than 5 s is filled: it stays NaN. The covariance
+    and the mask are those of the nearest sample. A spline averages two samples, which the covariance then overstates at
+    1 Hz; at the cameras' own 2 Hz neighbouring epochs share them, and the covariance of single samples is what their
+    mean over time has.
     """
     t = combined.t
-    seconds = np.arange(np.ceil(t[0] - SNAP), np.floor(t[-1] + SNAP) + 0.5)
+    seconds = np.arange(np.ceil((t[0] - SNAP) * hz), np.floor((t[-1] + SNAP) * hz) + 0.5) / hz
     near = np.clip(np.searchsorted(t, seconds - SNAP), 0, len(t) - 1)
     if (np.abs(t[near] - seconds) < SNAP).all():
         return Combined(seconds, combined.q[near], combined.cov[near], combined.used[near])

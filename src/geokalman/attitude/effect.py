@@ -1,4 +1,6 @@
-"""What attitude errors do downstream: accelerations in the ICRF, the antenna correction's rate, and range-rates of a month."""
+"""What attitude errors do downstream: accelerations in the ICRF, the antenna correction's rate, and range-rates of a
+month.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,12 @@ def nongravitational(r: Array, v: Array) -> Array:
 
 
 def accelerometer(trip: Flight, satellite: str, q: Array, acc_bias: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
-    """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q."""
+    """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q.
+
+    Raises ValueError for a bias without three components.
+    """
+    if len(acc_bias) != 3:
+        raise ValueError(f"acc_bias = {list(acc_bias)} must have three components, along x, y and z of the satellite.")
     if satellite in trip.accelerations:
         return trip.accelerations[satellite] + np.array(acc_bias)
     return rotate(conjugate(q), nongravitational(trip.r[satellite], trip.v[satellite])) + np.array(acc_bias)
@@ -47,14 +54,20 @@ def turned(q: Array, pitch_offset_rad: float) -> Array:
 
 
 def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: Attitudes, step: int = 30) -> Array:
-    """Range-rate (m,) [m/s] by which a recovery with attitudes `one` differs from one with `other`, every `step` seconds.
+    """Range-rate (m,) [m/s] by which a recovery with attitudes `one` differs from one with `other`, every `step`
+    seconds.
 
-    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), section 3.12.
+    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), section
+    3.12.
     """
     r_C, r_D = trip.r["C"], trip.r["D"]
     e = (r_D - r_C) / np.linalg.norm(r_D - r_C, axis=1, keepdims=True)
-    antenna = pointing.antenna_correction(one["C"], one["D"], r_C, r_D) - pointing.antenna_correction(other["C"], other["D"], r_C, r_D)
-    change = {s: pointing.acceleration_difference(one[s], other[s], accelerometer(trip, s, true[s])) for s in SATELLITES}
+    antenna = pointing.antenna_correction(one["C"], one["D"], r_C, r_D) - pointing.antenna_correction(
+        other["C"], other["D"], r_C, r_D
+    )
+    change = {
+        s: pointing.acceleration_difference(one[s], other[s], accelerometer(trip, s, true[s])) for s in SATELLITES
+    }
     along = np.einsum("ki,ki->k", e, change["D"] - change["C"])
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (along[1:] + along[:-1]))])
     k = np.arange(0, len(antenna) - step, step)
@@ -62,10 +75,11 @@ def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: 
 
 
 def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
-    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z axis.
+    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z
+    axis.
 
-    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the orbital
-    frame, integrated by the classical Runge-Kutta method at 10 s.
+    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the
+    orbital frame, integrated by the classical Runge-Kutta method at 10 s.
     """
     n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
 
@@ -86,14 +100,22 @@ def constant_force_departure(acceleration: float, duration: float, altitude: flo
 
 
 def days(
-    scenario: Scenario, tuning: Tuning, n_days: int, seed0: int, pitch_offset_rad: float, data_dir: str = "", step: int = 30
+    scenario: Scenario,
+    tuning: Tuning,
+    n_days: int,
+    seed0: int,
+    pitch_offset_rad: float,
+    data_dir: str = "",
+    step: int = 30,
 ) -> dict[str, Array]:
-    """Range-rate differences of simulated days one after the other, every `step` seconds [m/s], a line taken off each day.
+    """Range-rate differences of simulated days one after the other, every `step` seconds [m/s], a line taken off each
+    day.
 
-    A constant and a drift of the range-rate over a day are what the accelerometer's bias makes; every recovery estimates it.
+    A constant and a drift of the range-rate over a day are what the accelerometer's bias makes; every recovery
+    estimates it.
 
-    `none` : MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in;
-    `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
+    `none` : MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the
+    stand-in; `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
     """
     parts: dict[str, list[Array]] = {}
     for day in range(1 if data_dir else n_days):
@@ -102,7 +124,9 @@ def days(
         q = {name: {s: results[s][name].q for s in SATELLITES} for name in ("mekf", "rts", "jpl_like")}
         true = {s: trip.true_attitude(s) if trip.truth else q["rts"][s] for s in SATELLITES}
         offset = {s: turned(q["jpl_like"][s], pitch_offset_rad) for s in SATELLITES}
-        pairs = {"none": (q["mekf"], q["jpl_like"]), "offset": (q["mekf"], offset)} | {name: (q[name], true) for name in q}
+        pairs = {"none": (q["mekf"], q["jpl_like"]), "offset": (q["mekf"], offset)} | {
+            name: (q[name], true) for name in q
+        }
         first = int(np.argmax(np.all([np.isfinite(x[s][:, 0]) for x in q.values() for s in SATELLITES], axis=0)))
         for name, (one, other) in pairs.items():
             series = range_rate_difference(trip, one, other, true, step)

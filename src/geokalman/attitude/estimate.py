@@ -1,4 +1,5 @@
-"""The filters: the paper's seven states [q; b] (AKF7), the multiplicative six (MEKF), its RTS smoother, and the JPL-like stand-in.
+"""The filters: the paper's seven states [q; b] (AKF7), the multiplicative six (MEKF), its RTS smoother, and the
+JPL-like stand-in.
 
 All see increments of the gyros and combined camera quaternions with their covariances, nothing else.
 """
@@ -24,8 +25,8 @@ LOST_RATE = 5e-6  # rad/s: how far the rate may wander while the gyros are silen
 class Measured(NamedTuple):
     """What a filter of one satellite sees, every dt [s].
 
-    d : (n - 1, 3) gyro increments [rad], NaN where lost; z : (n, 4) combined quaternions, NaN where none; R : (n, 3, 3) [rad^2];
-    rate_cov [rad^2/s], bias_cov [(rad/s)^2/s] : (3, 3) densities of the gyro noise and of the bias walk.
+    d : (n - 1, 3) gyro increments [rad], NaN where lost; z : (n, 4) combined quaternions, NaN where none; R : (n, 3, 3)
+    [rad^2]; rate_cov [rad^2/s], bias_cov [(rad/s)^2/s] : (3, 3) densities of the gyro noise and of the bias walk.
     """
 
     dt: float
@@ -38,10 +39,12 @@ class Measured(NamedTuple):
 
 @dataclass(frozen=True)
 class Solution:
-    """Attitudes q (n, 4) with covariances cov (n, 3, 3) of their errors in SRF axes [rad^2], gyro biases bias (n, 3) [rad/s].
+    """Attitudes q (n, 4) with covariances cov (n, 3, 3) of their errors in SRF axes [rad^2], gyro biases bias (n, 3)
+    [rad/s].
 
-    nis : (n,) normalised innovations squared, 3 degrees of freedom, NaN without an update; rejected : (n,) updates that the
-    gate refused. Epochs before the first camera are NaN.
+    full : (n, 6, 6) covariances of attitude and bias of the multiplicative filter, None for the paper's. nis : (n,)
+    normalised innovations squared, 3 degrees of freedom, NaN without an update; rejected : (n,) updates that the gate
+    refused. Epochs before the first camera are NaN.
     """
 
     q: Array
@@ -49,6 +52,7 @@ class Solution:
     cov: Array
     nis: Array
     rejected: Array
+    full: Array | None = None
 
     def flagged(self, limit_rad: float) -> Array:
         """Epochs (n,) whose standard deviation about some axis exceeds the limit [rad], or that have no estimate."""
@@ -109,7 +113,8 @@ def mekf(data: Measured, tuning: Tuning, scale: float = 1.0, start: Array | None
     P0 = np.diag(np.repeat([tuning.p0_attitude, tuning.p0_bias], 3))
     keep = n if smooth else 1
     c = _Course(
-        first, np.empty((n, 4)), np.empty((n, 3)), np.empty((keep, 6, 6)), np.full((n, 4), np.nan), np.full((n, 3), np.nan),
+        first, np.empty((n, 4)), np.empty((n, 3)), np.empty((keep, 6, 6)), np.full((n, 4), np.nan), np.full((n, 3),
+        np.nan),
         np.full((n, 6, 6), np.nan), np.empty((max(keep - 1, 1), 6, 6)), Q, Q_lost, lost,
     )  # fmt: skip
     nis, rejected = np.full(n, np.nan), np.zeros(n, bool)
@@ -119,12 +124,12 @@ def mekf(data: Measured, tuning: Tuning, scale: float = 1.0, start: Array | None
     )  # fmt: skip
     if failed >= 0:
         raise NotPositiveDefinite("innovation covariance", failed)
-    forward = Solution(c.q, c.b, c.P[:, :3, :3].copy(), nis, rejected)
+    forward = Solution(c.q, c.b, c.P[:, :3, :3].copy(), nis, rejected, c.P)
     return (forward, _smooth(c, nis, rejected)) if smooth else forward
 
 
 @njit(cache=True)
-def _transition(v, h, A):
+def transition(v, h, A):
     """A = [R(Exp v)', -J h; 0, I] with J = I - [v x] / 2 and the rotation by Rodrigues' formula."""
     angle = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     s = 1.0 - angle**2 / 6.0 if angle < 1e-4 else np.sin(angle) / angle
@@ -144,7 +149,8 @@ def _transition(v, h, A):
 
 @njit(cache=True)
 def _mekf(
-    first, q0, P0, h, d, lost, z, R, Q, Q_lost, gate, skip_first, keep, q_pred, b_pred, P_pred, q, b, P, A_all, nis, rejected
+    first, q0, P0, h, d, lost, z, R, Q, Q_lost, gate, skip_first, keep, q_pred, b_pred, P_pred, q, b, P, A_all, nis,
+    rejected
 ):  # fmt: skip
     """All epochs forward from the first camera; returns -1 or the epoch whose innovation covariance is not positive."""
     n = len(z)
@@ -162,7 +168,7 @@ def _mekf(
                 v[i] = d[k - 1, i] - b[k - 1, i] * h
             retract_point(q[k - 1], v, work, q_pred[k])
             b_pred[k] = b[k - 1]
-            _transition(v, h, A)
+            transition(v, h, A)
             error_predict_step(P[k - 1], A, Q_lost if lost[k - 1] else Q, P_k)
             if keep:
                 A_all[k - 1] = A
@@ -193,7 +199,7 @@ def _smooth(c: _Course, nis: Array, rejected: Array) -> Solution:
     failed = _rts(c.first, c.q_pred, c.b_pred, c.P_pred, c.q, c.b, c.P, c.A, c.Q, c.Q_lost, c.lost, q, b, P)
     if failed >= 0:
         raise NotPositiveDefinite("predicted covariance", failed)
-    return Solution(q, b, P[:, :3, :3].copy(), nis, rejected)
+    return Solution(q, b, P[:, :3, :3].copy(), nis, rejected, P)
 
 
 @njit(cache=True)
@@ -214,19 +220,26 @@ def _rts(first, q_pred, b_pred, P_pred, q, b, P, A, Q, Q_lost, lost, q_s, b_s, P
 
 
 def akf7(
-    data: Measured, tuning: Tuning, scale: float = 1.0, stride: int = 1, isotropic: float = 0.0, start: Array | None = None
+    data: Measured,
+    tuning: Tuning,
+    scale: float = 1.0,
+    stride: int = 1,
+    isotropic: float = 0.0,
+    start: Array | None = None,
 ) -> Solution:
     """The paper's filter: seven states [q; b], transition (4), (5), (21), update (24) to (26), then q normalised.
 
     data.d holds `stride` increments, each of data.dt / stride seconds, per epoch of data.z (8 for 8 Hz prediction).
-    R = Xi R_theta Xi' / 4 + 1e-14 I; isotropic > 0 : R = isotropic^2 I instead. The attitude covariance given is 4 Xi' P_qq Xi.
-    Raises ValueError without data, NotPositiveDefinite with the epoch.
+    R = Xi R_theta Xi' / 4 + 1e-14 I; isotropic > 0 : R = isotropic^2 I instead. The attitude covariance given is 4 Xi'
+    P_qq Xi. Raises ValueError without data, NotPositiveDefinite with the epoch.
     """
     first, q0 = _begin(data, start)
     d, lost = _fill(data)
     n, h = len(data.z), data.dt / stride
     if len(d) != (n - 1) * stride:
-        raise ValueError(f"{len(d)} increments do not belong to {n} epochs of {stride} increments each; give {(n - 1) * stride}.")
+        raise ValueError(
+            f"{len(d)} increments do not belong to {n} epochs of {stride} increments each; give {(n - 1) * stride}."
+        )
     P0 = np.zeros((7, 7))
     P0[:4, :4], P0[4:, 4:] = 0.25 * tuning.p0_attitude * np.eye(4), tuning.p0_bias * np.eye(3)
     q, b, cov = np.full((n, 4), np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)

@@ -20,14 +20,17 @@ def degree_variances(degree: Array, curves: Mapping[str, tuple[str, Array]]) -> 
     figure, axes = plt.subplots(figsize=(7.2, 4.0))
     for key, (label, values) in curves.items():
         method = METHODS[LOOK[key]]
-        axes.semilogy(degree, values, color=method.colour, linestyle=method.line, marker=method.marker, markevery=5, label=label)
-    axes.set(xlabel="degree n", ylabel="degree variance")
+        axes.semilogy(
+            degree, values, color=method.colour, linestyle=method.line, marker=method.marker, markevery=5, label=label
+        )
+    axes.set(xlabel="degree n", ylabel="degree variance [dimensionless]")
     axes.legend(loc="upper left", bbox_to_anchor=(0, -0.16), ncols=2)
     return figure
 
 
 def water_maps(grids: Mapping[str, tuple[Array, str, float]]) -> Figure:
-    """Maps of equivalent water height; grids : title -> (grid (n_lat, n_lon) [m], unit, metres per unit), each on its own scale.
+    """Maps of equivalent water height; grids : title -> (grid (n_lat, n_lon) [m], unit, metres per unit), each on its
+    own scale.
 
     South to north, longitude from 0 to 360; the colour scale ends at the 99.5 % quantile and says so by its arrows.
     """
@@ -35,12 +38,15 @@ def water_maps(grids: Mapping[str, tuple[Array, str, float]]) -> Figure:
     import cartopy.crs as ccrs
 
     cartopy.config["pre_existing_data_dir"] = str(natural_earth_dir())
-    figure, axes = plt.subplots(len(grids), 1, figsize=(6.4, 3.3 * len(grids)), squeeze=False, subplot_kw={"projection": ccrs.Robinson()})
+    figure, axes = plt.subplots(
+        len(grids), 1, figsize=(6.4, 3.3 * len(grids)), squeeze=False, subplot_kw={"projection": ccrs.Robinson()}
+    )
     for axis, (title, (grid, unit, size)) in zip(axes[:, 0], grids.items(), strict=True):
         shown = np.roll(grid / size, grid.shape[1] // 2, axis=1)
         limit = float(np.quantile(np.abs(shown), 0.995))
         image = axis.imshow(
-            shown, origin="lower", extent=(-180, 180, -90, 90), transform=ccrs.PlateCarree(), regrid_shape=600, cmap=DIVERGING,
+            shown, origin="lower", extent=(-180, 180, -90, 90), transform=ccrs.PlateCarree(), regrid_shape=600,
+            cmap=DIVERGING,
             vmin=-limit, vmax=limit, interpolation="nearest",
         )  # fmt: skip
         axis.coastlines(resolution="110m", linewidth=0.5, color="#303030")

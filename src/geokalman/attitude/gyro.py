@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
+from geokalman.attitude.level1 import Level1Error
 from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, gyro_matrix
 from geokalman.physics.quaternion import exp_point, log_point, multiply_point
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
 LARGEST_STEP = 0.1  # deg per 1/8 s: more is a fault, not motion
+FEWEST = 0.5  # of the fullest axis' samples: an axis with fewer counts as missing
+
+
+class GyroWarning(UserWarning):
+    """A gyro axis is missing or faulty and was left out."""
 
 
 class Increments(NamedTuple):
@@ -35,8 +43,8 @@ def unwrap(angle_deg: Array) -> Array:
 def clean(t: Array, angle_deg: Array) -> tuple[Array, Array, int]:
     """Times and unwrapped angles without faulty samples, and how many there were.
 
-    A sample is dropped where the step to it and the step from it both exceed 0.1 deg per 1/8 s after unwrapping, or where it
-    is not finite; a lasting jump of the angle is kept as it is and its one step reported by `common` as a gap.
+    A sample is dropped where the step to it and the step from it both exceed 0.1 deg per 1/8 s after unwrapping, or
+    where it is not finite; a lasting jump of the angle is kept as it is and its one step reported by `common` as a gap.
     """
     good = np.isfinite(t) & np.isfinite(angle_deg)
     t, angle = t[good], angle_deg[good]
@@ -52,7 +60,8 @@ def clean(t: Array, angle_deg: Array) -> tuple[Array, Array, int]:
 
 
 def common(t: Array, angle: Array, epochs: Array) -> Array:
-    """Unwrapped angle (n,) at common epochs by cubic splines; NaN beyond the data, across gaps of more than 1 s and jumps.
+    """Unwrapped angle (n,) at common epochs by cubic splines; NaN beyond the data, across gaps of more than 1 s and
+    jumps.
 
     t, angle : (m,) [s, deg]; the result is in degrees and is continuous within each arc only.
     """
@@ -67,7 +76,9 @@ def common(t: Array, angle: Array, epochs: Array) -> Array:
     return out
 
 
-def reduce(t_gyro: Array, gyro: Array, satellite: str, epochs: Array, axes: tuple[int, ...] = (1, 2, 3, 4)) -> Increments:
+def reduce(
+    t_gyro: Array, gyro: Array, satellite: str, epochs: Array, axes: tuple[int, ...] = (1, 2, 3, 4)
+) -> Increments:
     """Increments in SRF axes between the epochs from the raw angles of the axes in use, equation (2) on increments.
 
     t_gyro, gyro : (4, m) [s, deg]. Increments are NaN where fewer than the axes in use have angles at both ends.
@@ -88,8 +99,9 @@ def reduce(t_gyro: Array, gyro: Array, satellite: str, epochs: Array, axes: tupl
 def parity_fault(parity: Array, sigma: float, satellite: str, samples: int = GYRO_HZ) -> int | None:
     """Index of the increment at which a gyro fault begins, or None: the parity number stays above 6 sigma for 1 s.
 
-    parity : (n, 4) [rad]; sigma : standard deviation of one component's sound residual [rad], its median taken off (the biases
-    of the gyros leave a constant; a fault must be shorter than half the series). Four axes leave one parity number, the component along the null vector of H'.
+    parity : (n, 4) [rad]; sigma : standard deviation of one component's sound residual [rad], its median taken off (the
+    biases of the gyros leave a constant; a fault must be shorter than half the series). Four axes leave one parity
+    number, the component along the null vector of H'.
     """
     null = np.linalg.svd(gyro_matrix(satellite))[0][:, 3]
     series = parity @ null
@@ -101,21 +113,26 @@ def parity_fault(parity: Array, sigma: float, satellite: str, samples: int = GYR
 def isolate(steps: Array, reference: Array, satellite: str, block: int = 60) -> int:
     """The axis (1 to 4) whose increments disagree most with those of a reference attitude (cameras).
 
-    steps : (n, 4) increments of the axes [rad]; reference : (n, 3) increments of the reference over the same epochs; compared
-    are means over blocks, in which the noise of the cameras all but cancels and a drift does not. One parity number detects a
-    fault but cannot name the axis; the cameras can. Raises ValueError where they have fewer than two whole blocks.
+    steps : (n, 4) increments of the axes [rad]; reference : (n, 3) increments of the reference over the same epochs;
+    compared are means over blocks, in which the noise of the cameras all but cancels and a drift does not. One parity
+    number detects a fault but cannot name the axis; the cameras can. Raises ValueError where they have fewer than two
+    whole blocks.
     """
     residual = steps - reference @ gyro_matrix(satellite).T
     n = len(residual) // block
     means = residual[: n * block].reshape(n, block, 4).mean(axis=1)
     means = means[np.isfinite(means).all(axis=1)]
     if len(means) < 2:
-        raise ValueError(f"{len(means)} blocks of {block} increments with cameras cannot name a faulty gyro axis; give 2 or more.")
+        raise ValueError(
+            f"{len(means)} blocks of {block} increments with cameras cannot name a faulty gyro axis; give 2 or more."
+        )
     return int(np.argmax(np.mean((means - np.median(means, axis=0)) ** 2, axis=0))) + 1
 
 
 def preintegrate(increments: Increments, hz: int) -> Increments:
-    """Increments composed over the steps of a filter at `hz` (1, 2 or 8): Log of the product of Exp(d), parity summed."""
+    """Increments composed over the steps of a filter at `hz` (1, 2 or 8): Log of the product of Exp(d), parity
+    summed.
+    """
     s = GYRO_HZ // hz
     n = len(increments.d) // s
     out = np.empty((n, 3))
@@ -155,7 +172,9 @@ def five_point_rates(angle: Array, dt: float) -> Array:
 
 
 def between(increments: Increments, first: float, last: float) -> Increments:
-    """The increments from epoch `first` to epoch `last` [s], both on the grid. Raises ValueError where they do not reach."""
+    """The increments from epoch `first` to epoch `last` [s], both on the grid. Raises ValueError where they do not
+    reach.
+    """
     t = increments.t
     k, m = (round((x - t[0]) * GYRO_HZ) for x in (first, last))
     if k < 0 or m > len(t) - 1:
@@ -163,8 +182,49 @@ def between(increments: Increments, first: float, last: float) -> Increments:
     return Increments(t[k : m + 1], increments.d[k:m], increments.parity[k:m])
 
 
+def present(raw: Raw) -> tuple[int, ...]:
+    """The axes (1 to 4) that gave samples: at least half as many as the fullest one. Raises Level1Error for fewer than
+    three.
+    """
+    counts = (np.isfinite(raw.t_gyro) & np.isfinite(raw.gyro)).sum(axis=1)
+    there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
+    if len(there) < 3:
+        raise Level1Error(
+            (
+                f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on "
+                "axes 1 to 4); three are needed."
+            )
+        )
+    return there
+
+
+def sound(raw: Raw, tuning: Tuning) -> Tuning:
+    """The tuning with those of its gyro axes that gave samples; a missing one is left out with a GyroWarning.
+
+    Raises Level1Error where fewer than three remain.
+    """
+    there = present(raw)
+    axes = tuple(axis for axis in tuning.axes if axis in there)
+    if axes == tuning.axes:
+        return tuning
+    missing = " and ".join(str(axis) for axis in tuning.axes if axis not in there)
+    if len(axes) < 3:
+        raise Level1Error(
+            f"GRACE-{raw.satellite}: of gyro axes {list(tuning.axes)}, {missing} gave no samples; three are needed."
+        )
+    warnings.warn(
+        f"GRACE-{raw.satellite}: gyro axis {missing} gave no samples and was left out.", GyroWarning, stacklevel=3
+    )
+    return replace(tuning, axes=axes)
+
+
 def reduced(raw: Raw, tuning: Tuning) -> Increments:
-    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both ends."""
+    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both
+    ends.
+
+    Missing axes are left out as `sound` says. Raises Level1Error where fewer than three remain.
+    """
+    tuning = sound(raw, tuning)
     first, last = np.ceil(raw.t_camera[0] - 1e-3), np.floor(raw.t_camera[-1] + 1e-3)
     used = [axis - 1 for axis in tuning.axes]
     start, end = np.nanmin(raw.t_gyro[used], axis=1).max(), np.nanmax(raw.t_gyro[used], axis=1).min()

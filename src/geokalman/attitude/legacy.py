@@ -1,4 +1,6 @@
-"""Reader of the older GRACE Level-1B files in ASCII: header lines "KEY : value" up to END OF HEADER, then the records."""
+"""Reader of the older GRACE Level-1B files in ASCII: header lines "KEY : value" up to END OF HEADER, then the
+records.
+"""
 
 from __future__ import annotations
 
@@ -31,17 +33,32 @@ def read_grace(path: Path | str, product: str | None = None) -> Table:
                 break
             key, colon, value = line.partition(":")
             if not colon:
-                raise Level1Error(f"{path}, line {number}: {line.strip()[:40]!r} is no header line `KEY : value`, and no line {END!r} came before it.")
+                raise Level1Error(
+                    (
+                        f"{path}, line {number}: {line.strip()[:40]!r} is no header line `KEY : value`, and no line "
+                        f"{END!r} came before it."
+                    )
+                )
             header.setdefault(key.strip(), value.strip())
         else:
-            raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short.")
+            raise Level1Error(
+                f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short."
+            )
         named = Path(header.get("FILENAME", path.name)).name
         if named != path.name and _stem(named) != _stem(path.name):
             raise Level1Error(f"{path}: the header belongs to {named}.")
         promised = header.get("NUMBER OF DATA RECORDS")
         if promised is not None and not re.fullmatch(r"\d{1,12}", promised):
             raise Level1Error(f"{path}: NUMBER OF DATA RECORDS is {promised[:30]!r}, it must be a number of records.")
-        return records(path, parts, stream, number + 1, GRACE[parts["product"]], None if promised is None else int(promised), header)
+        return records(
+            path,
+            parts,
+            stream,
+            number + 1,
+            GRACE[parts["product"]],
+            None if promised is None else int(promised),
+            header,
+        )
 
 
 def _stem(name: str) -> str:

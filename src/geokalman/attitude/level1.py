@@ -1,4 +1,6 @@
-"""Reader of Level-1 files in ASCII: GRACE-FO's YAML headers and, through `legacy`, those of GRACE; every refusal names file and line."""
+"""Reader of Level-1 files in ASCII: GRACE-FO's YAML headers and, through `legacy`, those of GRACE; every refusal names
+file and line.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +17,20 @@ import yaml
 from geokalman.attitude.products import GRACE_FO, KEYS, SECOND_FRACTIONS, Column
 
 END = "# End of YAML header"
-NAME = re.compile(r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<satellite>[A-Z])_(?P<version>\d{2})\.(txt|asc)$")
+NAME = re.compile(
+    r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<satellite>[A-Z])_(?P<version>\d{2})\.(txt|asc)$"
+)
 MOST_BAD = 0.01
 FEWEST = 0.5
 NORM_REFUSED, NORM_EXACT = 1e-3, 1e-9
 CHUNK = 50_000  # lines that are converted at a time
 LONGEST = 40  # characters of a field
+LIMITS = {"FiltAng": 5759.0}  # deg: gyro angles wrap at 5758; beyond is no angle
 FORMS = {
     "int": re.compile(r"[+-]?[0-9]+\Z"),
-    "float": re.compile(r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE),
+    "float": re.compile(
+        r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE
+    ),
 }
 
 
@@ -37,7 +44,9 @@ class Level1Warning(UserWarning):
 
 @dataclass(frozen=True)
 class Table:
-    """The records of one file: columns name -> (n,) int64, float64 or str, and the notes on what was mended or left out."""
+    """The records of one file: columns name -> (n,) int64, float64 or str, and the notes on what was mended or left
+    out.
+    """
 
     path: Path
     product: str
@@ -59,16 +68,24 @@ class Table:
 
     def where(self, keep: np.ndarray) -> Table:
         """The records at which `keep` (n,) is true."""
-        return Table(self.path, self.product, self.satellite, self.date, {k: v[keep] for k, v in self.columns.items()}, self.notes, self.header)
+        return Table(
+            self.path,
+            self.product,
+            self.satellite,
+            self.date,
+            {k: v[keep] for k, v in self.columns.items()},
+            self.notes,
+            self.header,
+        )
 
 
 def read(path: Path | str, product: str | None = None, satellite: str | None = None, date: str | None = None) -> Table:
     """Read one GRACE-FO file, `PPPPP_YYYY-MM-DD_S_VV.txt`.
 
-    product, satellite, date : what is expected; another one is refused. Columns follow the header's `variables` where they
-    name those that are needed; unknown columns are left out. Bad records are left out, counted and warned of.
-    Raises Level1Error: no or broken header, wrong product, satellite or date, missing columns, more than 1 % bad records,
-    fewer than half of the records that the header promises; FileNotFoundError.
+    product, satellite, date : what is expected; another one is refused. Columns follow the header's `variables` where
+    they name those that are needed; unknown columns are left out. Bad records are left out, counted and warned of.
+    Raises Level1Error: no or broken header, wrong product, satellite or date, missing columns, more than 1 % bad
+    records, fewer than half of the records that the header promises; FileNotFoundError.
     """
     path = Path(path)
     parts = split_name(path)
@@ -89,7 +106,9 @@ def split_name(path: Path) -> dict[str, str]:
     """Product, date, satellite and version in a file's name. Raises Level1Error where it is none of a Level-1 file."""
     found = NAME.match(path.name)
     if not found:
-        raise Level1Error(f"{path}: the name is not PPPPP_YYYY-MM-DD_S_VV.txt; product, date and satellite are read from it.")
+        raise Level1Error(
+            f"{path}: the name is not PPPPP_YYYY-MM-DD_S_VV.txt; product, date and satellite are read from it."
+        )
     return found.groupdict()
 
 
@@ -123,14 +142,20 @@ def _agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
     attributes = header.get("global_attributes")
     attributes = attributes if isinstance(attributes, dict) else {}
     for key in ("title", "id", "product_name"):
-        named = re.findall(r"\b(?:SCA1[AB]|QSA1B|IMU1[AB]|TIM1B|CLK1B|ACT1B|GN[IV]1B|KBR1B|VKB1B)\b", str(attributes.get(key, "")))
+        named = re.findall(
+            r"\b(?:SCA1[AB]|QSA1B|IMU1[AB]|TIM1B|CLK1B|ACT1B|GN[IV]1B|KBR1B|VKB1B)\b", str(attributes.get(key, ""))
+        )
         if named and parts["product"] not in named:
             raise Level1Error(f"{path}: the header's {key} says {named[0]}, the file name {parts['product']}.")
-    platform = re.findall(r"GRACE(?:-FO)?[ -_]?([CD])\b", str(attributes.get("platform", "")))
+    platform = re.findall(r"GRACE(?:-FO)?[ _-]?([CD])\b", str(attributes.get("platform", "")))
     if len(platform) == 1 and parts["satellite"] in "CD" and platform[0] != parts["satellite"]:
-        raise Level1Error(f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}.")
+        raise Level1Error(
+            f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}."
+        )
     start, stop = (str(attributes.get(f"time_coverage_{word}", ""))[:10] for word in ("start", "stop"))
-    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= (stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start):
+    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= (
+        stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start
+    ):
         raise Level1Error(f"{path}: the header covers {start} to {stop or start}, the file name says {parts['date']}.")
 
 
@@ -155,6 +180,24 @@ def _schema(path: Path, product: str, header: dict[str, Any]) -> list[Column | N
     return [by_name.get(name) for name in names]
 
 
+def flag_meanings(header: dict[str, Any], variable: str) -> dict[int, str]:
+    """What the bits of a flag variable mean, bit -> words, where the header's `flag_meanings` say it ("bit 0 =
+    ...").
+    """
+    variables = header.get("variables")
+    for entry in variables if isinstance(variables, list) else []:
+        inner = entry.get(variable) if isinstance(entry, dict) and variable in entry else entry
+        if not isinstance(inner, dict) or inner is entry and entry.get("name") != variable:
+            continue
+        words = inner.get("flag_meanings", "")
+        lines = words if isinstance(words, list) else [words]
+        found = (
+            re.findall(r"\bbit\s*([0-9]{1,2})\s*[=:]\s*(.*?)(?=[,;]?\s*\bbit\s*[0-9]|$)", str(line)) for line in lines
+        )
+        return {int(bit): text for pairs in found for bit, text in pairs}
+    return {}
+
+
 def _promised(path: Path, header: dict[str, Any]) -> int | None:
     dimensions = header.get("dimensions")
     promised = dimensions.get("num_records") if isinstance(dimensions, dict) else None
@@ -166,10 +209,19 @@ def _promised(path: Path, header: dict[str, Any]) -> int | None:
 
 
 def records(
-    path: Path, parts: dict[str, str], stream: Iterator[str], first: int, schema: Sequence[Column | None], promised: int | None, header: dict
+    path: Path,
+    parts: dict[str, str],
+    stream: Iterator[str],
+    first: int,
+    schema: Sequence[Column | None],
+    promised: int | None,
+    header: dict,
 ) -> Table:
-    """Parse, check and order the records that follow a header; `first` is the number of their first line in the file."""
+    """Parse, check and order the records that follow a header; `first` is the number of their first line in the
+    file.
+    """
     pieces: list[dict[str, np.ndarray]] = []
+    numbers: list[int] = []
     bad: list[tuple[int, str]] = []
     number, lines = first, []
     total, unfinished = 0, False
@@ -177,7 +229,9 @@ def records(
     def flush() -> None:
         nonlocal lines
         if lines:
-            pieces.append(_parse(lines, schema, bad))
+            piece, sound = _parse(lines, schema, bad)
+            pieces.append(piece)
+            numbers.extend(sound)
             lines = []
 
     for line in stream:
@@ -194,7 +248,9 @@ def records(
         total -= 1
         notes.append(f"line {number - 1} is cut short and was left out")
     flush()
-    columns = {c.name: np.concatenate([p[c.name] for p in pieces]) if pieces else _empty(c) for c in schema if c is not None}
+    columns = {
+        c.name: np.concatenate([p[c.name] for p in pieces]) if pieces else _empty(c) for c in schema if c is not None
+    }
     if bad:
         where = "; ".join(f"line {n}: {why}" for n, why in bad[:5])
         if len(bad) > MOST_BAD * total:
@@ -202,14 +258,23 @@ def records(
         notes.append(f"{len(bad)} bad record{'s' * (len(bad) > 1)} left out ({where})")
     if promised is not None and total != promised:
         if total < FEWEST * promised:
-            raise Level1Error(f"{path}: {total} records of the {promised} that the header promises, fewer than {FEWEST:.0%}.")
+            raise Level1Error(
+                f"{path}: {total} records of the {promised} that the header promises, fewer than {FEWEST:.0%}."
+            )
         notes.append(f"{total} records, the header promises {promised}")
     if not total:
         raise Level1Error(f"{path}: no records after the header (line {first}).")
     letters = columns.get("GRACEFO_id", columns.get("GRACE_id"))
-    if letters is not None and len(letters) and parts["satellite"] not in "XY" and (letters != parts["satellite"]).any():
+    if (
+        letters is not None
+        and len(letters)
+        and parts["satellite"] not in "XY"
+        and (letters != parts["satellite"]).any()
+    ):
         k = int(np.argmax(letters != parts["satellite"]))
-        raise Level1Error(f"{path}: a record says satellite {letters[k]}, the file name {parts['satellite']}.")
+        raise Level1Error(
+            f"{path}, line {numbers[k]}: a record says satellite {letters[k]}, the file name {parts['satellite']}."
+        )
     columns = _in_order(parts["product"], columns, notes)
     columns = _quaternions(columns, notes)
     for note in notes:
@@ -221,20 +286,25 @@ def _empty(column: Column) -> np.ndarray:
     return np.empty(0, {"int": np.int64, "float": float}.get(column.kind, str))
 
 
-def _parse(lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]) -> dict[str, np.ndarray]:
-    """Columns of a chunk of lines: converted whole where every field is sound, else without the bad records."""
+def _parse(
+    lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]
+) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Columns of a chunk of lines, converted whole where every field is sound, else without the bad records; lines of
+    the sound.
+    """
     try:
-        return _convert([line for _, line in lines], schema)
+        return _convert([line for _, line in lines], schema), [number for number, _ in lines]
     except ValueError:
         pass
-    good = []
+    good, numbers = [], []
     for number, line in lines:
         fault = _fault(line.split(), schema)
         if fault:
             bad.append((number, fault))
         else:
             good.append(line)
-    return _convert(good, schema)
+            numbers.append(number)
+    return _convert(good, schema), numbers
 
 
 def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
@@ -263,6 +333,8 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
         modulus = SECOND_FRACTIONS.get(column.name)
         if modulus and ((values < 0) | (values >= modulus)).any():
             raise ValueError
+        if column.name in LIMITS and (np.abs(values) > LIMITS[column.name]).any():
+            raise ValueError
         out[column.name] = values
     if "quatangle" in out and not (np.abs(_norm(out) - 1.0) <= NORM_REFUSED).all():
         raise ValueError
@@ -287,7 +359,10 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
             continue
         form = FORMS.get(column.kind)
         if form and not form.match(text):
-            return f"column {k} ({column.name}) is {text[:30]!r}, not {'an integer' if column.kind == 'int' else 'a number'}"
+            return (
+                f"column {k} ({column.name}) is {text[:30]!r}, not "
+                f"{'an integer' if column.kind == 'int' else 'a number'}"
+            )
         value = int(text) if column.kind == "int" else float(text) if column.kind == "float" else 0
         if column.kind == "int" and not -(2**63) <= value < 2**63:
             return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
@@ -298,6 +373,8 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
         modulus = SECOND_FRACTIONS.get(column.name)
         if modulus and not 0 <= value < modulus:
             return f"column {k} ({column.name}) is {text[:30]}, outside 0 to {modulus - 1}"
+        if column.name in LIMITS and abs(value) > LIMITS[column.name]:
+            return f"column {k} ({column.name}) is {text[:30]}, beyond +-{LIMITS[column.name]:g}"
     if not any(c is not None and c.name == "quatangle" for c in schema):
         return ""
     norm = float(_norm(_named(row, schema)))
@@ -305,7 +382,9 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
 
 
 def _named(row: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
-    return {c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c is not None and c.kind == "float"}
+    return {
+        c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c is not None and c.kind == "float"
+    }
 
 
 def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, np.ndarray]:
@@ -325,7 +404,9 @@ def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) ->
     for key in keys:
         same &= columns[key][1:] == columns[key][:-1]
     if same.any():
-        notes.append(f"{int(same.sum())} duplicate time tag{'s' * (int(same.sum()) > 1)}; the first record of each was kept")
+        notes.append(
+            f"{int(same.sum())} duplicate time tag{'s' * (int(same.sum()) > 1)}; the first record of each was kept"
+        )
         keep = np.concatenate([[True], ~same])
         columns = {name: values[keep] for name, values in columns.items()}
     return columns
@@ -338,7 +419,12 @@ def _quaternions(columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, 
     norm = _norm(columns)
     off = np.abs(norm - 1.0) > NORM_EXACT
     if off.any():
-        notes.append(f"{int(off.sum())} quaternion{'s' * (int(off.sum()) > 1)} with a norm off by up to {np.abs(norm - 1).max():.1e} normalised")
+        notes.append(
+            (
+                f"{int(off.sum())} quaternion{'s' * (int(off.sum()) > 1)} with a norm off by up to "
+                f"{np.abs(norm - 1).max():.1e} normalised"
+            )
+        )
         for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"):
             columns[name] = np.where(off, columns[name] / norm, columns[name])
     return columns

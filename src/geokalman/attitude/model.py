@@ -1,13 +1,14 @@
 """The two satellites as the paper has them: hardware, frames, the scenario that is flown and the tuning of the filters.
 
-Conventions. Quaternions are scalar first; R(q) of an attitude maps SRF components to ICRF ones. The attitude error is the
-rotation vector Log(q_estimate* q_true) in SRF axes: (roll, pitch, yaw). Time is GPS seconds past 2000-01-01 12:00:00.
-SRF: x along the K-band antenna to the other satellite, z to nadir. SCF: camera, z is the boresight.
+Conventions. Quaternions are scalar first; R(q) of an attitude maps SRF components to ICRF ones. The attitude error is
+the rotation vector Log(q_estimate* q_true) in SRF axes: (roll, pitch, yaw). Time is GPS seconds past 2000-01-01
+12:00:00. SRF: x along the K-band antenna to the other satellite, z to nadir. SCF: camera, z is the boresight.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -32,7 +33,9 @@ QSA = normalise(
         ]
     )
 )
-"""SRF to SCF of the three cameras of GRACE-C (QSA1B, by way of public readers); used for D too, whose file was not found."""
+"""SRF to SCF of the three cameras of GRACE-C (QSA1B, by way of public readers); used for D too, whose file was not
+found.
+"""
 ZENITH = np.array([0.0, 1.0, 0.0, 0.0])
 """Mounting of a camera that looks along -z exactly, as the paper says of SCA1."""
 GYRO_AXES = {
@@ -101,7 +104,8 @@ def mounting(mount: str = "qsa") -> Array:
 
 
 def camera_information(q_qsa: Array, sigma: float, k_aniso: float) -> Array:
-    """Information matrices (3, 3, 3) [rad^-2] of the cameras in SRF axes: R(q_QSA)' diag(1, 1, 1/k^2) R(q_QSA) / sigma^2.
+    """Information matrices (3, 3, 3) [rad^-2] of the cameras in SRF axes: R(q_QSA)' diag(1, 1, 1/k^2) R(q_QSA) /
+    sigma^2.
 
     q_qsa : (3, 4); sigma : across the boresight [rad]; k_aniso : how much worse about it. Source: Romans (2003).
     """
@@ -118,15 +122,23 @@ def los_frame(r_self: Array, r_other: Array) -> Array:
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
+def _once(name: str, numbers: Iterable[int]) -> tuple[int, ...]:
+    """Numbers in order. Raises ValueError where one stands twice."""
+    given = sorted(numbers)
+    if len(set(given)) < len(given):
+        raise ValueError(f"{name} = {given} names {max(given, key=given.count)} twice; name each once.")
+    return tuple(given)
+
+
 @dataclass(frozen=True)
 class Scenario:
     """What is flown and what its sensors do; SI and radians except where a name carries its unit.
 
-    mount_err_rad : each camera sits wrong by a constant N(0, .^2) per SRF axis. shift_s : the tag t of every camera carries the
-    attitude of t - shift_s. gap_s : no camera at all for so long, from gap_start_s on. fov_rad : 1-sigma Gauss-Markov error of
-    each camera per axis (three times that about the boresight), correlation time fov_tau_s. bias_1cpr_deg_h : gyro bias that
-    turns once a revolution. near_wrap : start angles of axes 1 and 3 stand 20 deg before the range ends.
-    Raises ValueError, one sentence each, for values that make no flight.
+    mount_err_rad : each camera sits wrong by a constant N(0, .^2) per SRF axis. shift_s : the tag t of every camera
+    carries the attitude of t - shift_s. gap_s : no camera at all for so long, from gap_start_s on. fov_rad : 1-sigma
+    Gauss-Markov error of each camera per axis (three times that about the boresight), correlation time fov_tau_s.
+    bias_1cpr_deg_h : gyro bias that turns once a revolution. near_wrap : start angles of axes 1 and 3 stand 20 deg
+    before the range ends. Raises ValueError, one sentence each, for values that make no flight.
     """
 
     duration_s: float = 21600.0
@@ -163,7 +175,9 @@ class Scenario:
         if self.mount not in ("qsa", "zenith"):
             raise ValueError(f"mount = {self.mount!r} is unknown; give qsa or zenith.")
         if set(self.cameras_off) - {1, 2, 3} or set(self.cameras_off) == {1, 2, 3}:
-            raise ValueError(f"cameras_off = {list(self.cameras_off)} must name some of cameras 1, 2, 3, not all of them.")
+            raise ValueError(
+                f"cameras_off = {list(self.cameras_off)} must name some of cameras 1, 2, 3, not all of them."
+            )
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Scenario:
@@ -171,7 +185,7 @@ class Scenario:
         p = {**parameters, **changes}
         given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
         if "cameras_off" in given:
-            given["cameras_off"] = tuple(given["cameras_off"])
+            given["cameras_off"] = _once("cameras_off", given["cameras_off"])
         return cls(**given)
 
     @property
@@ -184,10 +198,10 @@ class Scenario:
 class Tuning:
     """What the filters assume.
 
-    arw_deg_sqrt_h : of one gyro axis; axes : gyro axes in use; sca_sigma_arcsec, k_aniso : of the cameras (weights of their
-    combination); apm_factor, kappa : scale of the gyro noise in the filters of the paper and in the JPL-like stand-in;
-    bias_walk : of one axis [rad/s/sqrt(s)]; p0_attitude [rad^2], p0_bias [(rad/s)^2]; gate : largest NIS admitted (0: none);
-    update_hz : 1 as in the paper, or 2.
+    arw_deg_sqrt_h : of one gyro axis; axes : gyro axes in use; sca_sigma_arcsec, k_aniso : of the cameras (weights of
+    their combination); apm_factor, kappa : scale of the gyro noise in the filters of the paper and in the JPL-like
+    stand-in; bias_walk : of one axis [rad/s/sqrt(s)]; p0_attitude [rad^2], p0_bias [(rad/s)^2]; gate : largest NIS
+    admitted (0: none); update_hz : 1 as in the paper, or 2.
     """
 
     arw_deg_sqrt_h: float = 7e-4
@@ -203,12 +217,23 @@ class Tuning:
     update_hz: int = 1
 
     def __post_init__(self) -> None:
-        for name in ("arw_deg_sqrt_h", "sca_sigma_arcsec", "k_aniso", "apm_factor", "kappa", "bias_walk", "p0_attitude", "p0_bias"):
+        for name in (
+            "arw_deg_sqrt_h",
+            "sca_sigma_arcsec",
+            "k_aniso",
+            "apm_factor",
+            "kappa",
+            "bias_walk",
+            "p0_attitude",
+            "p0_bias",
+        ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value:g} must be positive and finite.")
         if len(set(self.axes)) < 3 or set(self.axes) - {1, 2, 3, 4}:
-            raise ValueError(f"axes = {list(self.axes)} leaves the rate undetermined; name at least three of gyro axes 1 to 4.")
+            raise ValueError(
+                f"axes = {list(self.axes)} leaves the rate undetermined; name at least three of gyro axes 1 to 4."
+            )
         if self.update_hz not in (1, 2):
             raise ValueError(f"update_hz = {self.update_hz} is not offered; give 1 or 2.")
 
@@ -218,7 +243,7 @@ class Tuning:
         p = {**parameters, **changes}
         given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
         if "axes" in given:
-            given["axes"] = tuple(sorted(set(given["axes"])))
+            given["axes"] = _once("axes", given["axes"])
         return cls(**given)
 
     @property

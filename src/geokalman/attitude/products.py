@@ -23,25 +23,35 @@ def _columns(text: str) -> tuple[Column, ...]:
 
 
 _QUATERNION = "quatangle:f quaticoeff:f quatjcoeff:f quatkcoeff:f"
-_STATE = "gps_time:i:s GRACEFO_id:t coord_ref:t xpos:f:m ypos:f:m zpos:f:m xpos_err:f:m ypos_err:f:m zpos_err:f:m xvel:f:m/s yvel:f:m/s zvel:f:m/s xvel_err:f:m/s yvel_err:f:m/s zvel_err:f:m/s qualflg:b"
+_STATE = (
+    "gps_time:i:s GRACEFO_id:t coord_ref:t xpos:f:m ypos:f:m zpos:f:m xpos_err:f:m ypos_err:f:m zpos_err:f:m "
+    "xvel:f:m/s yvel:f:m/s zvel:f:m/s xvel_err:f:m/s yvel_err:f:m/s zvel_err:f:m/s qualflg:b"
+)
 _KBR = (
-    "gps_time:i:s biased_range:f:m range_rate:f:m/s range_accl:f:m/s2 iono_corr:f:m lighttime_corr:f:m lighttime_rate:f:m/s "
-    "lighttime_accl:f:m/s2 ant_centr_corr:f:m ant_centr_rate:f:m/s ant_centr_accl:f:m/s2 K_A_SNR:i Ka_A_SNR:i K_B_SNR:i Ka_B_SNR:i qualflg:b"
+    "gps_time:i:s biased_range:f:m range_rate:f:m/s range_accl:f:m/s2 iono_corr:f:m lighttime_corr:f:m "
+    "lighttime_rate:f:m/s "
+    "lighttime_accl:f:m/s2 ant_centr_corr:f:m ant_centr_rate:f:m/s ant_centr_accl:f:m/s2 K_A_SNR:i Ka_A_SNR:i "
+    "K_B_SNR:i Ka_B_SNR:i qualflg:b"
 )
 _IMU = "time_intg:i:s time_frac:i:us time_ref:t GRACEFO_id:t gyro_id:i FiltAng:f:deg qualflg:b"
 _SCA1B = f"gps_time:i:s GRACEFO_id:t sca_id:i {_QUATERNION} qual_rss:f qualflg:b"
 _CLK = "rcv_time:i:s GRACEFO_id:t clock_id:i eps_time:f:s eps_err:f:s eps_drift:f drift_err:f qualflg:b"
-_TIM = "obdh_time:i:s GRACEFO_id:t TS_suppid:i gpstime_intg:i:s gpstime_frac:i:ns first_icu_blknr:i final_icu_blknr:i qualflg:b"
+_TIM = (
+    "obdh_time:i:s GRACEFO_id:t TS_suppid:i gpstime_intg:i:s gpstime_frac:i:ns first_icu_blknr:i final_icu_blknr:i "
+    "qualflg:b"
+)
 _VKB = "gps_time:i:s GRACEFO_id:t magnitude:f:m cosx:f cosy:f cosz:f qualflg:b"
 _ACT = (
-    "gps_time:i:s GRACEFO_id:t lin_accl_x:f:m/s2 lin_accl_y:f:m/s2 lin_accl_z:f:m/s2 ang_accl_x:f:rad/s2 ang_accl_y:f:rad/s2 "
+    "gps_time:i:s GRACEFO_id:t lin_accl_x:f:m/s2 lin_accl_y:f:m/s2 lin_accl_z:f:m/s2 ang_accl_x:f:rad/s2 "
+    "ang_accl_y:f:rad/s2 "
     "ang_accl_z:f:rad/s2 acl_x_res:f:m/s2 acl_y_res:f:m/s2 acl_z_res:f:m/s2 qualflg:b"
 )
 
 GRACE_FO: dict[str, tuple[Column, ...]] = {
     "SCA1A": _columns(
-        f"rcvtime_intg:i:s rcvtime_frac:i:us GRACEFO_id:t sca_id:i sca_desig:t {_QUATERNION} nlocks:i nstars:i sca_confid:i "
-        "sca_null1:i sca_null2:i sca_mode:i qualflg:b"
+        f"rcvtime_intg:i:s rcvtime_frac:i:us GRACEFO_id:t sca_id:i sca_desig:t {_QUATERNION} nlocks:i nstars:i "
+        "sca_confid:i "
+        "sca_null1:i sca_null2:i sca_mode:t qualflg:b"
     ),
     "SCA1B": _columns(_SCA1B),
     "QSA1B": _columns(_SCA1B),
@@ -86,7 +96,9 @@ KEYS: dict[str, tuple[str, ...]] = {
     "TIM1B": ("obdh_time",),
     "THR1B": ("time_intg", "time_frac"),
 }
-"""Time tags of each product, coarse first, and what tells rows of one epoch apart; mounting files have none to be unique in."""
+"""Time tags of each product, coarse first, and what tells rows of one epoch apart; mounting files have none to be
+unique in.
+"""
 
 SECOND_FRACTIONS = {"rcvtime_frac": 10**6, "time_frac": 10**6, "gpstime_frac": 10**9}
 """Fractions of a second and how many make one."""

@@ -1,21 +1,26 @@
-"""Real (or written) Level-1 files to the arrays that the simulation gives: raw sensors in GPS time, orbits, accelerations."""
+"""Real (or written) Level-1 files to the arrays that the simulation gives: raw sensors in GPS time, orbits,
+accelerations.
+"""
 
 from __future__ import annotations
 
 import datetime
+import re
 import warnings
 from pathlib import Path
 
 import numpy as np
 
-from geokalman.attitude.level1 import Level1Error, Level1Warning, Table, read
+from geokalman.attitude.level1 import Level1Error, Level1Warning, Table, flag_meanings, read
 from geokalman.attitude.model import Array, Raw, mounting
-from geokalman.attitude.timetags import clock, seconds
+from geokalman.attitude.timetags import clock, flag_bits, seconds
 from geokalman.attitude.write import gps_second
 from geokalman.physics.quaternion import normalise
 
 QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
 WORST_CONFIDENCE = 5
+REFUSED = re.compile(r"invalid|not valid|\bsun\b|\bmoon\b|non-stellar|false star", re.IGNORECASE)
+VALID = re.compile(r"\b1\s*=\s*valid", re.IGNORECASE)
 SAME_EPOCH = 1e-3  # s: rows of different cameras so near each other are one exposure
 
 
@@ -25,33 +30,50 @@ def dates(folder: Path | str) -> list[str]:
 
 
 def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
-    """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked for."""
+    """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked
+    for.
+    """
     found = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt"))
     if not found:
-        raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_VV.txt; the archive of that day holds it.")
+        packed = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt.*"))
+        hint = (
+            f"unpack {packed[0].name}"
+            if packed
+            else "the files of both satellites are needed, as the archives of that day have them"
+        )
+        raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_04.txt, nor one of another version; {hint}.")
     return found[-1]
 
 
 def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
     """Sensors of one satellite on one day, in GPS time, and which camera epochs stand at an edge of the clock (n,).
 
-    Cameras are taken where sca_confid <= 5; TIM1B and CLK1B of the neighbouring days are used where they are in the folder
-    and, where not, the edges are marked. Raises Level1Error as the readers do.
+    Cameras are taken where sca_confid <= 5 and no flag speaks against them (`refused`); TIM1B and CLK1B of the
+    neighbouring days are used where they are in the folder and, where not, the edges are marked. Raises Level1Error as
+    the readers do.
     """
     day = datetime.date.fromisoformat(date)
     around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 0, 1)]
     origin = gps_second(date)
-    sca, imu = (read(find(folder, product, satellite, date), product, satellite, date) for product in ("SCA1A", "IMU1A"))
+    sca, imu = (
+        read(find(folder, product, satellite, date), product, satellite, date) for product in ("SCA1A", "IMU1A")
+    )
     tables: dict[str, list[Table]] = {}
     for product in ("TIM1B", "CLK1B"):
         files = [find(folder, product, satellite, date)]
-        files += [p for other in (around[0], around[2]) for p in sorted(Path(folder).glob(f"{product}_{other}_{satellite}_??.txt"))[-1:]]
+        files += [
+            p
+            for other in (around[0], around[2])
+            for p in sorted(Path(folder).glob(f"{product}_{other}_{satellite}_??.txt"))[-1:]
+        ]
         tables[product] = [read(path, product, satellite) for path in files]
     time = clock(tables["TIM1B"], tables["CLK1B"], origin)
     q_qsa = qsa(folder, satellite, date)
     sca = sca.where(sca["sca_confid"] <= WORST_CONFIDENCE)
     if not len(sca):
         raise Level1Error(f"{sca.path}: no record with sca_confid <= {WORST_CONFIDENCE} is left.")
+    sca = _unflagged(sca, "sca_mode", "qualflg")
+    imu = _unflagged(imu, "qualflg")
     t, edge = time.gps(seconds(sca["rcvtime_intg"], sca["rcvtime_frac"], 10**6, origin))
     t_camera, q_camera, first = _by_camera(t, sca["sca_id"], sca.stacked(*QUATERNION))
     t_all, _ = time.gps(seconds(imu["time_intg"], imu["time_frac"], 10**6, origin))
@@ -59,8 +81,52 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     return Raw(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, gyro), edge[first]
 
 
+def refused(table: Table, name: str) -> np.ndarray:
+    """Records (n,) whose flags `name` say, by the header's own words, that they are no good.
+
+    A bit refuses a record where its meaning speaks of invalid data, the Sun, the Moon or objects that are no stars;
+    "1=valid" refuses where the bit is not set. Bits that are set and not explained are warned of, and the records used:
+    a bit has other meanings in GRACE and GRACE-FO.
+    """
+    texts = table[name]
+    none = np.zeros(len(texts), bool)
+    if any(text.strip("01") for text in np.unique(texts)):
+        warnings.warn(
+            f"{table.path}: {name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used.",
+            Level1Warning,
+            stacklevel=4,
+        )
+        return none
+    bits, meanings = flag_bits(texts), flag_meanings(table.header, name)
+    valid = sum(1 << bit for bit, text in meanings.items() if VALID.search(text))
+    bad = sum(1 << bit for bit, text in meanings.items() if REFUSED.search(text) and not VALID.search(text))
+    dark = (bits & ~sum(1 << bit for bit in meanings)) != 0
+    if dark.any():
+        warnings.warn(
+            f"{table.path}: {name} of {int(dark.sum())} of {len(dark)} records has bits set that the header does not "
+            "explain, as "
+            f"{texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
+        )  # fmt: skip
+    return (bits & bad != 0) | (bits & valid != valid)
+
+
+def _unflagged(table: Table, *names: str) -> Table:
+    """The records that none of the flags refuse; what is left out is warned of. Raises Level1Error where nothing is
+    left.
+    """
+    bad = np.any([refused(table, name) for name in names], axis=0)
+    if bad.all():
+        raise Level1Error(f"{table.path}: the flags {' and '.join(names)} refuse all {len(bad)} records.")
+    if bad.any():
+        left_out = f"{int(bad.sum())} of {len(bad)} records left out by their flags {' and '.join(names)}"
+        warnings.warn(f"{table.path}: {left_out}.", Level1Warning, stacklevel=3)
+    return table.where(~bad)
+
+
 def qsa(folder: Path | str, satellite: str, date: str) -> Array:
-    """Mounting quaternions (3, 4) of the cameras from QSA1B (its last row of each), or those of the model, with a warning."""
+    """Mounting quaternions (3, 4) of the cameras from QSA1B (its last row of each), or those of the model, with a
+    warning.
+    """
     try:
         table = read(find(folder, "QSA1B", satellite, date), "QSA1B", satellite)
     except Level1Error as error:
@@ -94,8 +160,9 @@ def _by_axis(t: Array, axis: np.ndarray, angle: Array, path: Path) -> tuple[Arra
     """Rows of interleaved axes to (4, m) times and angles, padded with NaN; an axis without a row is all NaN."""
     groups = [np.flatnonzero(axis == k) for k in (1, 2, 3, 4)]
     m = max(len(group) for group in groups)
-    if m == 0:
-        raise Level1Error(f"{path}: no record of a gyro 1 to 4.")
+    there = [k for k, group in enumerate(groups, 1) if len(group)]
+    if len(there) < 3:
+        raise Level1Error(f"{path}: records of gyro axes {there} only, of 1 to 4 at least three are needed.")
     times, angles = np.full((4, m), np.nan), np.full((4, m), np.nan)
     for k, group in enumerate(groups):
         group = group[np.argsort(t[group], kind="stable")]
@@ -112,7 +179,8 @@ def orbit(folder: Path | str, satellite: str, date: str, product: str = "GNI1B")
     if (table["coord_ref"] != "I").any():
         k = int(np.argmax(table["coord_ref"] != "I"))
         raise Level1Error(
-            f"{table.path}: coord_ref is {table['coord_ref'][k]} at {table['gps_time'][k]} s, inertial states (I) are needed; "
+            f"{table.path}: coord_ref is {table['coord_ref'][k]} at {table['gps_time'][k]} s, inertial states (I) are "
+            "needed; "
             "give GNI1B, or turn GNV1B into the ICRF first."
         )
     t = (table["gps_time"] - gps_second(date)).astype(float)

@@ -1,14 +1,30 @@
-"""Sensors of a simulated satellite: four gyro axes with drifting, wrapping, quantised angles, and three star cameras."""
+"""Sensors of a simulated satellite: four gyro axes with drifting, wrapping, quantised angles, and three star
+cameras.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from geokalman.attitude.model import CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Raw, Scenario, arw_density, gyro_matrix, mounting
+from geokalman.attitude.model import (
+    CAMERA_HZ,
+    EPOCH_2019,
+    GYRO_HZ,
+    SATELLITES,
+    SUN,
+    WRAP_DEG,
+    Array,
+    Raw,
+    Scenario,
+    arw_density,
+    gyro_matrix,
+    mounting,
+)
 from geokalman.attitude.truth import REVOLUTION, Truth, fly, increments
 from geokalman.physics.quaternion import conjugate, exp, matrix, multiply
 
@@ -21,8 +37,11 @@ DROPOUTS_PER_DAY, DROPOUT_MEAN = 6.0, 120.0
 FLIP_PROBABILITY = 5e-4
 
 
-def gyros(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Sampling times (4, m) [s] and filtered angles (4, m) [deg] of the four axes, m one less than the 8 Hz grid has epochs."""
+def gyros(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Sampling times (4, m) [s], filtered angles (4, m) [deg] and true biases (4, m) [rad/s] of the four axes.
+
+    m is one less than the 8 Hz grid has epochs.
+    """
     t, H = truth.t, gyro_matrix(satellite)
     angle = np.zeros((len(t), 4))
     np.cumsum(increments(truth.q) @ H.T, axis=0, out=angle[1:])
@@ -46,7 +65,7 @@ def gyros(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Gener
         degrees = start[axis] + np.degrees(true + drift)
         degrees = np.round(degrees / QUANTUM_DEG) * QUANTUM_DEG
         out[axis] = (degrees + WRAP_DEG) % (2 * WRAP_DEG) - WRAP_DEG
-    return times, out
+    return times, out, bias
 
 
 def cameras(truth: Truth, scenario: Scenario, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -95,16 +114,20 @@ def _dropouts(duration: float, rng: np.random.Generator) -> list[tuple[float, fl
     return list(zip(rng.uniform(0, duration, count), rng.exponential(DROPOUT_MEAN, count), strict=True))
 
 
-def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> Raw:
-    """What one satellite's sensors give, from two children of rng: gyros, cameras."""
+def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Truth, Raw]:
+    """The truth with its gyro biases, and what one satellite's sensors give, from two children of rng: gyros,
+    cameras.
+    """
     gyro_rng, camera_rng = rng.spawn(2)
-    t_gyro, gyro = gyros(truth, satellite, scenario, gyro_rng)
+    t_gyro, gyro, bias = gyros(truth, satellite, scenario, gyro_rng)
     t_camera, q_camera = cameras(truth, scenario, camera_rng)
-    return Raw(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
+    known = replace(truth, bias=np.concatenate([bias, bias[:, -1:]], axis=1).T)
+    return known, Raw(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
 
 
 def simulate(scenario: Scenario, seed: int) -> tuple[dict[str, Truth], dict[str, Raw]]:
     """Truth on the 8 Hz grid and sensor data of both satellites, run `seed` of an ensemble."""
     truth_rng, *sensor_rngs = np.random.default_rng(seed).spawn(3)
-    truth = fly(scenario, truth_rng)
-    return truth, {s: observe(truth[s], s, scenario, child) for s, child in zip(SATELLITES, sensor_rngs, strict=True)}
+    motion = fly(scenario, truth_rng)
+    seen = {s: observe(motion[s], s, scenario, child) for s, child in zip(SATELLITES, sensor_rngs, strict=True)}
+    return {s: known for s, (known, _) in seen.items()}, {s: raw for s, (_, raw) in seen.items()}

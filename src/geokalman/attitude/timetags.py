@@ -1,4 +1,6 @@
-"""Time tags: on-board computer to receiver time by TIM1B, receiver to GPS time by CLK1B; integer seconds kept apart from fractions."""
+"""Time tags: on-board computer to receiver time by TIM1B, receiver to GPS time by CLK1B; integer seconds kept apart
+from fractions.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +18,20 @@ def flag_bits(flags: np.ndarray) -> np.ndarray:
 
 
 def seconds(whole: np.ndarray, fraction: np.ndarray, per_second: int, origin: int) -> Array:
-    """Seconds after an integer origin, exact to 1e-11 s: the large integers are subtracted before anything becomes a float."""
-    return (np.asarray(whole, dtype=np.int64) - origin).astype(float) + np.asarray(fraction, dtype=np.int64) / per_second
+    """Seconds after an integer origin, exact to 1e-11 s: the large integers are subtracted before anything becomes a
+    float.
+    """
+    return (np.asarray(whole, dtype=np.int64) - origin).astype(float) + np.asarray(
+        fraction, dtype=np.int64
+    ) / per_second
 
 
 @dataclass(frozen=True)
 class Clock:
     """Offsets of GPS time from on-board time: both tables as (x, y) with x the time before, y what is to be added [s].
 
-    obc (n,), to_receiver (n,) : from TIM1B; receiver (m,), to_gps (m,) : from CLK1B; origin : integer GPS second of zero;
-    no_before, no_after (m,) : CLK1B flags: do not extrapolate before, after this point.
+    obc (n,), to_receiver (n,) : from TIM1B; receiver (m,), to_gps (m,) : from CLK1B; origin : integer GPS second of
+    zero; no_before, no_after (m,) : CLK1B flags: do not extrapolate before, after this point.
     """
 
     origin: int
@@ -37,8 +43,8 @@ class Clock:
     no_after: np.ndarray
 
     def gps(self, obc: Array) -> tuple[Array, np.ndarray]:
-        """GPS times [s after the origin] of on-board times and which of them stand at an edge: beyond the tables, or in a
-        segment of the clock that must not be bridged. Edges are carried by the nearest offset and marked."""
+        """GPS times [s after the origin] of on-board times and which of them stand at an edge: beyond the tables, or in
+        a segment of the clock that must not be bridged. Edges are carried by the nearest offset and marked."""
         receiver = obc + np.interp(obc, self.obc, self.to_receiver)
         edge = (obc < self.obc[0]) | (obc > self.obc[-1])
         gps = receiver + np.interp(receiver, self.receiver, self.to_gps)
@@ -53,10 +59,11 @@ class Clock:
 
 
 def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
-    """The clock of one satellite from its TIM1B and CLK1B files: of the day, and of its neighbours where they are there.
+    """The clock of one satellite from its TIM1B and CLK1B files: of the day, and of its neighbours where they are
+    there.
 
-    Undefined pairs (gpstime_intg = 0) and those with a flag of bit 3 or above are left out. Raises Level1Error where nothing
-    is left, and where on-board time does not increase.
+    Undefined pairs (gpstime_intg = 0) and those with a flag of bit 3 or above are left out. Raises Level1Error where
+    nothing is left, and where on-board time does not increase.
     """
     obc, receiver = [], []
     for table in tim:
@@ -77,4 +84,6 @@ def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
     u, index = np.unique(np.concatenate(rcv), return_index=True) if rcv else (np.empty(0), np.empty(0, int))
     if len(u) < 1:
         raise Level1Error(f"{clk[0].path if clk else 'CLK1B'}: no clock offset is left.")
-    return Clock(origin, x, y, u, np.concatenate(eps)[index], np.concatenate(before)[index], np.concatenate(after)[index])
+    return Clock(
+        origin, x, y, u, np.concatenate(eps)[index], np.concatenate(before)[index], np.concatenate(after)[index]
+    )

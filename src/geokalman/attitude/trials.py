@@ -10,18 +10,28 @@ import numpy as np
 from geokalman.attitude import assess, estimate
 from geokalman.attitude.estimate import Measured, Solution
 from geokalman.attitude.flight import Flight, Solved, reference
-from geokalman.attitude.gyro import Increments
+from geokalman.attitude.gyro import Increments, five_point_rates
 from geokalman.attitude.model import GYRO_HZ, Array, Tuning
-from geokalman.physics.quaternion import exp, multiply
+from geokalman.kalman.manifold import Manifold, filter_manifold
+from geokalman.physics.quaternion import conjugate, difference, exp, multiply
+
+State = tuple[Array, Array]  # attitude (4,) and gyro bias (3,)
 
 
 class Gap(NamedTuple):
-    """Errors (n, 3) and standard deviations (n, 3) [rad] of filter and smoother; first, last : epochs without a camera."""
+    """Errors (n, 3) and standard deviations (n, 3) [rad] of filter and smoother; first, last : epochs without a
+    camera.
+    """
 
     error: dict[str, Array]
     sigma: dict[str, Array]
     first: int
     last: int
+    solutions: dict[str, Solution]
+
+    def flagged(self, limit_rad: float) -> Array:
+        """Epochs (n,) of the filter whose standard deviation exceeds the limit [rad], or that have no estimate."""
+        return self.solutions["mekf"].flagged(limit_rad)
 
 
 def with_gap(measured: Measured, first: int, count: int) -> Measured:
@@ -35,7 +45,12 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
     """Filter and smoother over a gap of all cameras of gap_s from start_s after the first epoch on."""
     first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
     if not 0 < first < first + count < len(result.t):
-        raise ValueError(f"a gap of {gap_s:g} s from {start_s:g} s on does not lie inside {result.t[-1] - result.t[0]:g} s of data.")
+        raise ValueError(
+            (
+                f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or "
+                "lengthen the flight."
+            )
+        )
     forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
     base = reference(trip, satellite, result)
     solutions = {"mekf": forward, "rts": smooth}
@@ -44,11 +59,14 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
         {name: np.sqrt(np.einsum("kii->ki", x.cov)) for name, x in solutions.items()},
         first,
         first + count - 1,
+        solutions,
     )
 
 
 class Outliers(NamedTuple):
-    """Rms errors (3,) [rad] with and without the gate, and how many of the outliers and of the sound updates it refused."""
+    """Rms errors (3,) [rad] with and without the gate, and how many of the outliers and of the sound updates it
+    refused.
+    """
 
     gated: Array
     ungated: Array
@@ -57,7 +75,14 @@ class Outliers(NamedTuple):
 
 
 def outliers(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, count: int, size_rad: float, gate: float, rng: np.random.Generator
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    count: int,
+    size_rad: float,
+    gate: float,
+    rng: np.random.Generator,
 ) -> Outliers:
     """Outliers of +-size on every axis with random signs, at random epochs of the combined quaternion."""
     z = result.measured.z.copy()
@@ -79,29 +104,93 @@ def outliers(
 
 
 def wrong_start(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, angle_rad: float, rng: np.random.Generator, seconds: int = 60, method: str = "mekf"
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    angle_rad: float,
+    rng: np.random.Generator,
+    seconds: int = 60,
+    method: str = "mekf",
 ) -> Array:
-    """Angle of the attitude error (seconds + 1,) [rad] after a start that is wrong by an angle about a random axis, P0 = 1 rad^2."""
+    """Angle of the attitude error (seconds + 1,) [rad] after a start that is wrong by an angle about a random axis, P0
+    = 1 rad^2.
+    """
     base = reference(trip, satellite, result)
     first = int(np.argmax(np.isfinite(result.measured.z[:, 0])))
     axis = rng.standard_normal(3)
     start = multiply(base[first], exp(angle_rad * axis / np.linalg.norm(axis)))
     part = slice(first, first + seconds + 1)
-    short = result.measured._replace(z=result.measured.z[part], R=result.measured.R[part], d=result.measured.d[first : first + seconds])
+    short = result.measured._replace(
+        z=result.measured.z[part], R=result.measured.R[part], d=result.measured.d[first : first + seconds]
+    )
     run = estimate.mekf if method == "mekf" else estimate.akf7
     solution: Solution = run(short, replace(tuning, p0_attitude=1.0), start=start)
     return np.linalg.norm(assess.error(solution.q, base[part]), axis=1)
 
 
+def vector_part_start(
+    trip: Flight,
+    satellite: str,
+    result: Solved,
+    tuning: Tuning,
+    angle_rad: float,
+    rng: np.random.Generator,
+    seconds: int = 600,
+) -> Array:
+    """The same trial (seconds + 1,) [rad] of a filter whose residual is twice the vector part of q* Z, not its rotation
+    vector.
+
+    2 vec(q* Z) = 2 sin(angle / 2) along the axis, short of the angle by angle^3 / 24: nothing at noise level, a tenth
+    at 90 deg.
+    """
+    base = reference(trip, satellite, result)
+    m = result.measured
+    first = int(np.argmax(np.isfinite(m.z[:, 0])))
+    axis = rng.standard_normal(3)
+    start = multiply(base[first], exp(angle_rad * axis / np.linalg.norm(axis)))
+    h, S, B = m.dt, m.rate_cov, m.bias_cov
+    Q = np.block([[S * h + B * h**3 / 3, -B * h**2 / 2], [-B * h**2 / 2, B * h]])
+    H = np.eye(3, 6)
+
+    def propagate(k: int, x: State) -> tuple[State, Array, Array]:
+        v = m.d[first + k] - x[1] * h
+        A = np.empty((6, 6))
+        estimate.transition(v, h, A)
+        return (multiply(x[0], exp(v)), x[1]), A, Q
+
+    def observe(k: int, x: State) -> tuple[Array, Array, Array] | None:
+        if np.isnan(m.z[first + k, 0]):
+            return None
+        apart = multiply(conjugate(x[0]), m.z[first + k])
+        return 2 * np.copysign(1.0, apart[0]) * apart[1:], H, m.R[first + k]
+
+    attitudes = Manifold(
+        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]),
+        lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]]),
+    )
+    P0 = np.diag(np.repeat([1.0, tuning.p0_bias], 3))
+    course = filter_manifold(attitudes, (start, np.zeros(3)), P0, seconds + 1, propagate, observe)
+    q = np.array([x[0] for x in course.state])
+    return np.linalg.norm(assess.error(q, base[first : first + seconds + 1]), axis=1)
+
+
 def decimated(increments: Increments) -> Array:
-    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate, without summing: what a filter that takes rates gets."""
+    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate, without summing: what a filter that takes rates at
+    1 Hz gets.
+    """
     return increments.d[: len(increments.d) // GYRO_HZ * GYRO_HZ : GYRO_HZ] * GYRO_HZ
 
 
-def five_point(increments: Increments) -> Array:
-    """Increments (n, 3) [rad] over 1 s from equation (1): the five-point rate at every whole second, without summing."""
-    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(increments.d, axis=0)])
-    inner = (-angle[4:] + 8 * angle[3:-1] - 8 * angle[1:-3] + angle[:-4]) * GYRO_HZ / 12
-    rates = np.concatenate([inner[:1], inner[:1], inner, inner[-1:], inner[-1:]])
-    n = len(increments.d) // GYRO_HZ
-    return rates[: n * GYRO_HZ : GYRO_HZ]
+def five_point(increments: Increments) -> Increments:
+    """The 8 Hz increments that equation (1) gives: the five-point rate at the start of each step, times the step.
+
+    The rates of the first and last two epochs are those of their neighbours; a step whose stencil meets a lost one is
+    lost.
+    """
+    lost = np.isnan(increments.d[:, 0])
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(increments.d), axis=0)])
+    rates = np.pad(five_point_rates(angle, 1.0 / GYRO_HZ), ((2, 2), (0, 0)), mode="edge")
+    d = rates[:-1] / GYRO_HZ
+    d[np.convolve(lost, np.ones(5), "same") > 0] = np.nan
+    return increments._replace(d=d)

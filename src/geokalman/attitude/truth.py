@@ -23,18 +23,24 @@ MARGIN = 2  # s more at either end, so that no interpolation meets an edge
 
 @dataclass(frozen=True)
 class Truth:
-    """True motion of one satellite on the 8 Hz grid t (n,) [s]: r (n, 3) [m], v (n, 3) [m/s], q (n, 4) SRF to ICRF."""
+    """True motion of one satellite on the 8 Hz grid t (n,) [s]: r (n, 3) [m], v (n, 3) [m/s], q (n, 4) SRF to ICRF.
+
+    bias : (n, 4) [rad/s] of the gyro axes, once the sensors are simulated.
+    """
 
     t: Array
     r: Array
     v: Array
     q: Array
+    bias: Array | None = None
 
     def at(self, hz: int, duration: float) -> Truth:
         """The same at `hz` (a divisor of 8) from 0 to the duration."""
         start = int(MARGIN * GYRO_HZ)
         pick = slice(start, start + int(duration) * GYRO_HZ + 1, GYRO_HZ // hz)
-        return Truth(self.t[pick], self.r[pick], self.v[pick], self.q[pick])
+        return Truth(
+            self.t[pick], self.r[pick], self.v[pick], self.q[pick], None if self.bias is None else self.bias[pick]
+        )
 
 
 def grid(scenario: Scenario) -> Array:
@@ -128,7 +134,9 @@ def _kicks(t, events, kicks, tau, out):
 
 
 def attitude(r_self: Array, r_other: Array, angles: Array) -> Array:
-    """Attitudes q (n, 4), SRF to ICRF, of a satellite that points by `angles` (roll, pitch, yaw) off the line of sight."""
+    """Attitudes q (n, 4), SRF to ICRF, of a satellite that points by `angles` (roll, pitch, yaw) off the line of
+    sight.
+    """
     q = np.empty((len(angles), 4))
     _attitude(r_self, r_other, angles, q)
     return q
@@ -190,7 +198,9 @@ def _increments(q, out):
 
 
 def fly(scenario: Scenario, rng: np.random.Generator) -> dict[str, Truth]:
-    """True motion of C (leading) and D on the 8 Hz grid; start anomaly and pointing are drawn from three children of rng."""
+    """True motion of C (leading) and D on the 8 Hz grid; start anomaly and pointing are drawn from three children of
+    rng.
+    """
     t = grid(scenario)
     children = rng.spawn(3)
     anomaly = children[0].uniform(0, 2 * math.pi)

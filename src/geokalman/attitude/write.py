@@ -43,10 +43,13 @@ def _header(product: str, satellite: str, date: str, count: int) -> str:
     ordinals = {1: "st", 2: "nd", 3: "rd"}
     lines = [
         "header:", "  dimensions:", f"    num_records: {count}", "  global_attributes:", f"    id: {product}_simulated",
-        f"    title: GRACE-FO Level-1 {product}, simulated by geokalman", '    product_version: "04"', f"    platform: {platform}",
+        f"    title: GRACE-FO Level-1 {product}, simulated by geokalman", '    product_version: "04"',
+        f"    platform: {platform}",
         f"    time_coverage_start: {date}T00:00:00.00", f"    time_coverage_stop: {date}T23:59:59.99",
-        "    history:", "    - simulated; not a measurement", "  non-standard_attributes:", "    epoch_time: 2000-01-01T12:00:00.00",
-        "    software_version: geokalman", f"    start_time_epoch_secs: {start}", f"    stop_time_epoch_secs: {start + 86400}", "  variables:",
+        "    history:", "    - simulated; not a measurement", "  non-standard_attributes:",
+        "    epoch_time: 2000-01-01T12:00:00.00",
+        "    software_version: geokalman", f"    start_time_epoch_secs: {start}",
+        f"    stop_time_epoch_secs: {start + 86400}", "  variables:",
     ]  # fmt: skip
     for k, column in enumerate(GRACE_FO[product], 1):
         suffix = "th" if k in (11, 12, 13) else ordinals.get(k % 10, "th")
@@ -98,27 +101,35 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
     k = len(order)
     zeros = np.zeros(k, int)
     flags = np.full(k, "00000000")
-    quaternion = dict(zip(("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"), raw.q_camera[order, epoch].T, strict=True))
+    quaternion = dict(
+        zip(("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"), raw.q_camera[order, epoch].T, strict=True)
+    )
     columns = {
         "rcvtime_intg": whole, "rcvtime_frac": fraction, "GRACEFO_id": np.full(k, s), "sca_id": order + 1,
-        "sca_desig": np.where(order == 0, "P", "S"), **quaternion, "nlocks": zeros + 20, "nstars": zeros + 30, "sca_confid": zeros + 1,
-        "sca_null1": zeros, "sca_null2": zeros, "sca_mode": zeros + 4, "qualflg": flags,
+        "sca_desig": np.where(order == 0, "P", "S"), **quaternion, "nlocks": zeros + 20, "nstars": zeros + 30,
+        "sca_confid": zeros + 1,
+        "sca_null1": zeros, "sca_null2": zeros, "sca_mode": flags, "qualflg": flags,
     }  # fmt: skip
     paths.append(write(folder, "SCA1A", s, date, columns))
-    whole, fraction = _tags(obc_time(raw.t_gyro.T.ravel()), origin)
+    there = np.isfinite(raw.t_gyro.T) & np.isfinite(raw.gyro.T)  # axes have unequal counts, padded with NaN
+    order = np.argsort(raw.t_gyro.T[there], kind="stable")
+    whole, fraction = _tags(obc_time(raw.t_gyro.T[there][order]), origin)
     k = len(whole)
     columns = {
         "time_intg": whole, "time_frac": fraction, "time_ref": np.full(k, "O"), "GRACEFO_id": np.full(k, s),
-        "gyro_id": np.tile(np.arange(1, 5), k // 4), "FiltAng": raw.gyro.T.ravel(), "qualflg": np.full(k, "00000000"),
+        "gyro_id": np.nonzero(there)[1][order] + 1, "FiltAng": raw.gyro.T[there][order], "qualflg": np.full(k,
+        "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "IMU1A", s, date, columns))
     q = raw.q_qsa
     columns = {
-        "gps_time": np.zeros(3, int), "GRACEFO_id": np.full(3, s), "sca_id": np.array([1, 2, 4]), "quatangle": q[:, 0], "quaticoeff": q[:, 1],
+        "gps_time": np.zeros(3, int), "GRACEFO_id": np.full(3, s), "sca_id": np.array([1, 2, 4]), "quatangle": q[:, 0],
+        "quaticoeff": q[:, 1],
         "quatjcoeff": q[:, 2], "quatkcoeff": q[:, 3], "qual_rss": np.zeros(3), "qualflg": np.full(3, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "QSA1B", s, date, columns))
-    obc = np.arange(np.floor(raw.t_gyro.min()) - 1, np.ceil(raw.t_gyro.max()) + 2)
+    first, last = np.nanmin(raw.t_gyro), np.nanmax(raw.t_gyro)
+    obc = np.arange(np.floor(first) - 1, np.ceil(last) + 2)
     nano = np.round((obc * (1.0 + OBC_DRIFT) + OBC_OFFSET) * 1e9).astype(np.int64)
     k = len(obc)
     columns = {
@@ -127,11 +138,12 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
         "final_icu_blknr": np.arange(k), "qualflg": np.full(k, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "TIM1B", s, date, columns))
-    rcv = np.arange(np.floor(raw.t_gyro.min() / 10) - 1, np.ceil(raw.t_gyro.max() / 10) + 2) * 10
+    rcv = np.arange(np.floor(first / 10) - 1, np.ceil(last / 10) + 2) * 10
     k = len(rcv)
     columns = {
         "rcv_time": origin + rcv.astype(np.int64), "GRACEFO_id": np.full(k, s), "clock_id": np.ones(k, int),
-        "eps_time": CLOCK_OFFSET + CLOCK_DRIFT * rcv, "eps_err": np.full(k, 1.4e-10), "eps_drift": np.full(k, CLOCK_DRIFT),
+        "eps_time": CLOCK_OFFSET + CLOCK_DRIFT * rcv, "eps_err": np.full(k, 1.4e-10), "eps_drift": np.full(k,
+        CLOCK_DRIFT),
         "drift_err": np.full(k, 2.6e-11), "qualflg": np.full(k, "00000000"),
     }  # fmt: skip
     paths.append(write(folder, "CLK1B", s, date, columns))
@@ -142,7 +154,11 @@ def write_orbit(folder: Path | str, satellite: str, t: Array, r: Array, v: Array
     """GNI1B of one satellite: t (n,) whole seconds after the origin, r (n, 3) [m], v (n, 3) [m/s] in the ICRF."""
     n = len(t)
     names = ("xpos", "ypos", "zpos"), ("xvel", "yvel", "zvel")
-    columns: dict[str, np.ndarray] = {"gps_time": origin + np.round(t).astype(np.int64), "GRACEFO_id": np.full(n, satellite), "coord_ref": np.full(n, "I")}
+    columns: dict[str, np.ndarray] = {
+        "gps_time": origin + np.round(t).astype(np.int64),
+        "GRACEFO_id": np.full(n, satellite),
+        "coord_ref": np.full(n, "I"),
+    }
     for group, values in zip(names, (r, v), strict=True):
         for i, name in enumerate(group):
             columns[name], columns[f"{name}_err"] = values[:, i], np.zeros(n)
@@ -151,20 +167,31 @@ def write_orbit(folder: Path | str, satellite: str, t: Array, r: Array, v: Array
 
 
 def write_accelerations(folder: Path | str, satellite: str, t: Array, a_srf: Array, origin: int = EPOCH_2019) -> Path:
-    """ACT1B of one satellite: linear accelerations a_srf (n, 3) [m/s^2] in the SRF at whole seconds after the origin."""
+    """ACT1B of one satellite: linear accelerations a_srf (n, 3) [m/s^2] in the SRF at whole seconds after the
+    origin.
+    """
     n = len(t)
-    columns: dict[str, np.ndarray] = {"gps_time": origin + np.round(t).astype(np.int64), "GRACEFO_id": np.full(n, satellite), "qualflg": np.full(n, "00000000")}
+    columns: dict[str, np.ndarray] = {
+        "gps_time": origin + np.round(t).astype(np.int64),
+        "GRACEFO_id": np.full(n, satellite),
+        "qualflg": np.full(n, "00000000"),
+    }
     for i, axis in enumerate("xyz"):
         columns |= {f"lin_accl_{axis}": a_srf[:, i], f"ang_accl_{axis}": np.zeros(n), f"acl_{axis}_res": np.zeros(n)}
     return write(folder, "ACT1B", satellite, date_of(origin), columns)
 
 
-def write_attitude(folder: Path | str, satellite: str, t: Array, q: Array, used: np.ndarray, sigma: Array, origin: int = EPOCH_2019) -> Path:
-    """SCA1B of one satellite: attitudes q (n, 4), SRF to ICRF; used : bit mask of the cameras (16 is added for the gyros)."""
+def write_attitude(
+    folder: Path | str, satellite: str, t: Array, q: Array, used: np.ndarray, sigma: Array, origin: int = EPOCH_2019
+) -> Path:
+    """SCA1B of one satellite: attitudes q (n, 4), SRF to ICRF; used : bit mask of the cameras (16 is added for the
+    gyros).
+    """
     n = len(t)
     quaternion = dict(zip(("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"), q.T, strict=True))
     columns = {
-        "gps_time": origin + np.round(t).astype(np.int64), "GRACEFO_id": np.full(n, satellite), "sca_id": np.asarray(used) + 16, **quaternion,
+        "gps_time": origin + np.round(t).astype(np.int64), "GRACEFO_id": np.full(n, satellite),
+        "sca_id": np.asarray(used) + 16, **quaternion,
         "qual_rss": sigma, "qualflg": np.full(n, "00000000"),
     }  # fmt: skip
     return write(folder, "SCA1B", satellite, date_of(origin), columns)

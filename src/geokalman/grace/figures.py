@@ -5,6 +5,7 @@ Every function takes plain arrays and returns a matplotlib Figure, drawn in the 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
@@ -81,10 +82,9 @@ def residuals(t: Array, series: Mapping[str, Array], panels: Sequence[Sequence[s
 def transfer_functions(degree: Array, gains: Mapping[int, Array], dt: float) -> Figure:
     """Gain of central first derivatives at degree cycles per revolution; gains: points of the stencil -> (n,)."""
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
-    shades = [METHODS[name].colour for name in ("neutral", "spline", "newton", "ekf", "ukf")]
-    lines = [METHODS[name].line for name in ("neutral", "spline", "newton", "ekf", "ukf")]
-    for k, (points, gain) in enumerate(sorted(gains.items())):
-        axes.plot(degree, gain, color=shades[k % 5], linestyle=lines[k % 5], label=f"{points} points")
+    looks = itertools.cycle(METHODS[name] for name in ("neutral", "spline", "newton", "ekf", "ukf", "truth"))
+    for look, (points, gain) in zip(looks, sorted(gains.items()), strict=False):
+        axes.plot(degree, gain, color=look.colour, linestyle=look.line, label=f"{points} points")
     axes.axhline(1, color=ink(), linewidth=0.6)
     axes.set(xlabel="cycles per revolution", ylabel="gain", title=f"central first derivative at {dt:g} s", ylim=(0, 1.05))
     axes.legend()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from geokalman.reproduce import claims, display, graph, notebooks, reference
+from geokalman.reproduce import claims, contents, display, graph, notebooks, reference
 from geokalman.reproduce.errors import Fault
 
 
@@ -35,8 +36,10 @@ def check(root: Path) -> Report:
                 f"{name}: its run is older than its sources, or damaged; make it anew with: make book."
             )
         built.append(name)
+        _check_tables(name, folder, report)
         _check_reference(root, name, folder, report)
-    for paper in sorted({name.partition("/")[0] for name in names} | set(claims.papers(root))):
+    papers = {name.partition("/")[0] for name in names} | set(claims.papers(root))
+    for paper in sorted(papers, key=contents.order(root)):
         _check_anchors(root, paper, names, built, report)
         if paper in claims.papers(root):
             _check_claims(root, paper, report)
@@ -55,6 +58,16 @@ def describe(difference: reference.Difference) -> str:
     stored, ours = (display.number(v, 7) if v is not None else "nothing" for v in (difference.stored, difference.ours))
     unit = f" {difference.unit}" if difference.unit else ""
     return f"{difference.key}: {ours}{unit}, stored is {stored}{unit}: {difference.problem}."
+
+
+def _check_tables(name: str, folder: Path, report: Report) -> None:
+    """A column without one value is a slip of the notebook: nobody wants to read dashes."""
+    for path in sorted((folder / "tables").glob("*.csv")):
+        with path.open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+        for k, word in enumerate(header):
+            if rows and not any(row[k].strip() for row in rows):
+                report.problems.append(f"{name}: column {word!r} of table {path.stem} is empty.")
 
 
 def _check_reference(root: Path, name: str, folder: Path, report: Report) -> None:

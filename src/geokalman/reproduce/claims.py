@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from geokalman.reproduce import display, yamltext
+from geokalman.reproduce import contents, display, yamltext
 from geokalman.reproduce.errors import Fault, Misuse
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
@@ -148,8 +148,9 @@ class Judgement(NamedTuple):
 
 
 def papers(root: Path) -> list[str]:
-    """Papers that have a ledger, sorted."""
-    return sorted(p.parent.name for p in (root / "book").glob("*/claims.yml") if not p.parent.name.startswith("_"))
+    """Papers that have a ledger, in the order of the book."""
+    found = (p.parent.name for p in (root / "book").glob("*/claims.yml") if not p.parent.name.startswith("_"))
+    return sorted(found, key=contents.order(root))
 
 
 def ledger(root: Path, paper: str) -> list[Claim]:
@@ -200,6 +201,7 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
     if not claim.metrics:
         return Judgement(claim, None, "not-testable", claim.reason or "")
     values: dict[str, float] = {}
+    units: dict[str, str] = {}
     for name in claim.metrics:
         notebook, _, key = name.partition(":")
         entry = (metrics(notebook) or {}).get(key)
@@ -211,32 +213,60 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
             )
         if entry["value"] is None:
             return Judgement(claim, None, "not-reproduced", f"{name} is not finite")
-        values[name] = entry["value"]
+        values[name], units[name] = entry["value"], entry["unit"]
     if claim.metric:
         ours: float | str = values[claim.metric]
         assert claim.accept is not None
         holds, why = claim.accept.holds(ours, claim.reference), str(claim.accept)
     else:
-        ours, holds = _compare(claim.compare, values)
+        ours, holds = _compare(claim.compare, values, units)
         why = ""
     if not holds:
-        return Judgement(claim, ours, "not-reproduced", claim.reason or why)
-    if claim.calibrated:
-        return Judgement(claim, ours, "calibrated", claim.calibrated)
-    if claim.assumes:
-        return Judgement(claim, ours, "under-interpretation", claim.assumes)
-    return Judgement(claim, ours, "reproduced", why)
+        verdict, words = "not-reproduced", claim.reason
+    elif claim.calibrated:
+        verdict, words = "calibrated", claim.calibrated
+    elif claim.assumes:
+        verdict, words = "under-interpretation", claim.assumes
+    else:
+        verdict, words = "reproduced", None
+    return Judgement(claim, ours, verdict, "; ".join(filter(None, (words, why))))
 
 
-def _compare(comparisons: tuple[Compare, ...], values: Mapping[str, float]) -> tuple[str, bool]:
+def _compare(
+    comparisons: tuple[Compare, ...], values: Mapping[str, float], units: Mapping[str, str]
+) -> tuple[str, bool]:
+    """Both sides of each comparison with their unit and what tells their names apart, and whether all hold."""
     texts, all_hold = [], True
     for c in comparisons:
         left, right = values[c.left], values[c.right] if isinstance(c.right, str) else c.right
         holds = _OPERATORS[c.op](left, c.factor * right)
         factor = f"{c.factor:g} × " if c.factor != 1 else ""
-        texts.append(f"{display.number(left)} {'' if holds else 'not '}{c.op} {factor}{display.number(right)}")
+        names = _told_apart(c.left, c.right) if isinstance(c.right, str) else (_short(c.left), "")
+        pairs = zip(names, (left, right), strict=True)
+        sides = [f"{name.replace('_', ' ')} {display.number(value)}".strip() for name, value in pairs]
+        op, unit = c.op if holds else f"not {c.op}", display.unit_text(units[c.left])
+        texts.append(f"{sides[0]} {op} {factor}{sides[1]} {unit}".rstrip())
         all_hold &= holds
     return "; ".join(texts), all_hold
+
+
+def _short(metric: str) -> str:
+    """The last two parts of a recorded name."""
+    return ".".join(metric.partition(":")[2].split(".")[-2:])
+
+
+def _told_apart(left: str, right: str) -> tuple[str, str]:
+    """Two recorded names without the parts, at their ends, that they share; where all is shared, their notebooks."""
+    keys = [metric.partition(":")[2].split(".") for metric in (left, right)]
+    if keys[0] == keys[1]:
+        return left.partition(":")[0].partition("/")[2], right.partition(":")[0].partition("/")[2]
+    for end in (0, -1):
+        while all(len(key) > 1 for key in keys) and keys[0][end] == keys[1][end]:
+            if end == 0 and any(key[1].isdigit() for key in keys):
+                break  # a bare number is no name
+            for key in keys:
+                del key[end]
+    return ".".join(keys[0]), ".".join(keys[1])
 
 
 def judge_paper(root: Path, paper: str) -> list[Judgement]:
@@ -298,7 +328,7 @@ def of_notebook(root: Path, notebook: str, metrics: Metrics, judge: bool) -> tup
     if not judge:
         caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
     rows = [row(j, judge) for j in judgements]
-    keep = [k for k, name in enumerate(HEADER) if name in HEADER[:3] or any(r[k] for r in rows)]
+    keep = [k for k, name in enumerate(HEADER) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
     return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
 
 

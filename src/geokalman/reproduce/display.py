@@ -34,9 +34,14 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def quantity(value: float, unit: str = "", digits: int = 4) -> str:
-    """A number with its unit for readers: powers raised, `1.234 × 10⁻⁷ m/s²`."""
-    raised = re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), unit)
-    return number(value, digits) + (_NBSP + raised if raised else "")
+    """A number with its unit for readers: powers raised, micro as µ, `1.234 × 10⁻⁷ m/s²`."""
+    return number(value, digits) + (_NBSP + unit_text(unit) if unit else "")
+
+
+def unit_text(unit: str) -> str:
+    """A unit as recorded, `m/s^2` or `us`, as readers know it, `m/s²` or `µs`."""
+    micro = re.sub(r"\bu(?=(?:s|m|rad|as|Gal)\b)", "µ", unit)
+    return re.sub(r"\^(-?\d+)", lambda power: power[1].translate(_SUPERSCRIPT), micro)
 
 
 def _power(exponent: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import html
 import json
 import logging
 import os
@@ -21,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -95,12 +96,15 @@ def _run_alone(
         if not (record / "provenance.json").is_file():
             raise ExecutionFailed(f"FAILED {name}: it ended without nb.finish(), so nothing is recorded.", name)
         told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
+        changed = parameters.specification(source, name).changed(told["parameters"])
+        metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
+        blocks.insert_own(executed, name, metrics, root, lenient=bool(changed))
+        _warn_of(changed, executed)
         _write_notebook(record / "notebook.ipynb", executed)
         if page:
             from geokalman.reproduce import page as pages
 
-            changed = parameters.specification(source, name).changed(told["parameters"])
-            atomic.write_text(record / "page.html", pages.render(executed, root, name, changed))
+            atomic.write_text(record / "page.html", pages.render(executed, root, name))
         made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
         told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
         atomic.write_json(record / "provenance.json", told)
@@ -221,6 +225,20 @@ def _as_json(notebook: NotebookNode) -> str:
 
 def _write_notebook(path: Path, notebook: NotebookNode) -> None:
     atomic.write_text(path, _as_json(notebook) + "\n")
+
+
+def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
+    """Put words above a run whose parameters differ from the paper's, in HTML that every viewer of notebooks shows."""
+    if not changed:
+        return
+    from nbformat.v4 import new_markdown_cell
+
+    told = html.escape(", ".join(f"{name}={value}" for name, value in changed.items()))
+    words = (
+        f'<aside class="changed"><p>This run differs from the paper\'s set-up: <code>{told}</code>. '
+        "The words around the numbers describe the paper's run.</p></aside>"
+    )
+    notebook.cells.insert(0, new_markdown_cell(words, id="changed"))
 
 
 def _first_error(notebook: NotebookNode) -> str | None:

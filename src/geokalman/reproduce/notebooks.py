@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from geokalman.reproduce import contents
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -17,16 +18,16 @@ _HEADER = re.compile(r"\A---\n(.*?)\n---\n", re.S)
 
 
 def names(root: Path) -> list[str]:
-    """Names `<paper>/<notebook>` of all notebooks: the MyST files under `book/` with a jupytext header, sorted."""
+    """Names `<paper>/<notebook>` of all notebooks: MyST files under `book/` with a jupytext header, in its order."""
     book = root / "book"
     found = []
-    for path in sorted(book.glob("*/*.md")):
+    for path in book.glob("*/*.md"):
         if path.parent.name.startswith(("_", ".")):
             continue
         header = _HEADER.match(path.read_text(encoding="utf-8"))
         if header and re.search(r"^(jupytext|kernelspec):", header[1], re.M):
             found.append(f"{path.parent.name}/{path.stem}")
-    return found
+    return sorted(found, key=contents.order(root))
 
 
 def source_path(root: Path, name: str) -> Path:

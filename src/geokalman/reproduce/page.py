@@ -9,7 +9,6 @@ from __future__ import annotations
 import html
 import io
 import re
-from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,8 +37,8 @@ aside.changed { border-color: #d55e00; background: #fdf3ec; }
 """
 
 
-def render(notebook: NotebookNode, root: Path, name: str, changed: Mapping[str, Any] | None = None) -> str:
-    """Self-contained HTML of an executed notebook; parameters `changed` from the paper's are told at the top."""
+def render(notebook: NotebookNode, root: Path, name: str) -> str:
+    """Self-contained HTML of an executed notebook."""
     from nbconvert import HTMLExporter
     from pygments.formatters import HtmlFormatter
 
@@ -54,17 +53,7 @@ def render(notebook: NotebookNode, root: Path, name: str, changed: Mapping[str, 
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width">\n'
         f"<title>{title}</title>\n<style>{style}</style>\n{script}</head>\n"
-        f"<body>\n<main>\n{_banner(changed or {})}{body}\n</main>\n</body>\n</html>\n"
-    )
-
-
-def _banner(changed: Mapping[str, Any]) -> str:
-    if not changed:
-        return ""
-    told = html.escape(", ".join(f"{name}={value}" for name, value in changed.items()))
-    return (
-        f'<aside class="changed"><p>This run differs from the paper\'s set-up: <code>{told}</code>. '
-        "The words around the numbers describe the paper's run.</p></aside>\n"
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
 
 

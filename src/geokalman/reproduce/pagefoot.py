@@ -24,7 +24,7 @@ def foot(root: Path, page: str, run: Path, files: Path) -> str:
     lines = [
         "## Rerun this page",
         "",
-        f"From a clone of the project ([how](/practice/rerun.md)), with any of these {len(shown)} parameters changed:",
+        f"From a clone of the project ([how](/practice/rerun.md)), with any of {_these(len(shown))} changed:",
         "",
         "```bash",
         f"geokalman run {page} {_example(shown)}".rstrip(),
@@ -46,13 +46,20 @@ def foot(root: Path, page: str, run: Path, files: Path) -> str:
     return "\n".join([*lines, "", _made(run)])
 
 
+def _these(count: int) -> str:
+    return "the parameters below" if count > 1 else "its one parameter"
+
+
 def _example(shown: list[parameters.Parameter]) -> str:
-    """A changed parameter for the example line: the first number, halved where its range allows."""
+    """A changed parameter for the example line: the first number, halved where its range allows, or a shorter list."""
     for p in shown:
         if p.kind in ("float", "int") and not p.many and p.default:
             half = p.default / 2 if p.kind == "float" else p.default // 2
             if p.interval is None or half in p.interval:
                 return f"{p.name}={half:g}"
+    for p in shown:
+        if p.many and len(p.default or ()) > 1:
+            return f"{p.name}=[{','.join(map(str, p.default[:-1]))}]"
     return ""
 
 

@@ -14,10 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
-import yaml
 from filelock import FileLock
 
-from geokalman.reproduce import notebooks, pagefoot
+from geokalman.reproduce import contents, notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
 from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
@@ -37,13 +36,14 @@ def stage(root: Path) -> Path:
     page, a run or a part of a run is missing.
     """
     book, site = root / "book", root / "book" / "_build" / "site"
-    pages = toc_pages(book / "_toc.yml")
+    pages = contents.pages(book / "_toc.yml")
     names = notebooks.names(root)
     for name in names:
         if name not in pages:
             raise StageError(f"book/{name}.md is not in book/_toc.yml; add it there.")
     runs = {page: book / "_build" / "runs" / page for page in pages if page in names}
     _require_all(book, pages, runs)
+    _require_distinct_names(runs)
     with explained(site), alone(site):
         new = partial_path(site)
         new.mkdir()
@@ -71,23 +71,6 @@ def alone(target: Path) -> Iterator[None]:
             yield
         finally:
             sweep(target.parent)
-
-
-def toc_pages(toc: Path) -> list[str]:
-    """Names (no suffix) of the pages that the table of contents lists, in its order."""
-    found: list[str] = []
-
-    def walk(node) -> None:
-        if isinstance(node, list):
-            for item in node:
-                walk(item)
-        elif isinstance(node, dict):
-            found.extend(str(node[key]) for key in ("root", "file") if key in node)
-            for key in ("parts", "chapters", "sections", "entries", "subtrees"):
-                walk(node.get(key, []))
-
-    walk(yaml.safe_load(toc.read_text(encoding="utf-8")))
-    return found
 
 
 def stage_notebook(root: Path, page: str, run: Path, files: Path) -> nbformat.NotebookNode:
@@ -127,6 +110,22 @@ def _require_all(book: Path, pages: list[str], runs: dict[str, Path]) -> None:
     missing = [page for page, run in runs.items() if not (run / "notebook.ipynb").is_file()]
     if missing:
         raise StageError(f"not executed yet: {', '.join(missing)}; `geokalman build` (or make book) executes them.")
+
+
+def _require_distinct_names(runs: dict[str, Path]) -> None:
+    """Figures and tables are cross-referenced by name from everywhere, so a name stands once in the whole book."""
+    owner: dict[str, str] = {}
+    for page, run in runs.items():
+        for cell in nbformat.read(run / "notebook.ipynb", as_version=4).cells:
+            for output in cell.get("outputs", []):
+                data = output.get("data", {})
+                for record in (data[kind] for kind in (FIGURE_TYPE, TABLE_TYPE) if kind in data):
+                    name = label(page, record["name"])
+                    if name in owner:
+                        raise StageError(
+                            f"{name!r} names a figure or table of {owner[name]} and another of {page}; rename one."
+                        )
+                    owner[name] = page
 
 
 def _copy_assets(book: Path, new: Path) -> None:
