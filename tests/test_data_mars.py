@@ -1,4 +1,4 @@
-"""The scripts that made the data of the pulsar part: they pack what is vendored, the same bytes every time, and verify what they read."""
+"""The scripts that made the data of the pulsar part: the same bytes every time, verified as they are read."""
 
 import gzip
 import importlib.util

@@ -68,6 +68,13 @@ def test_condition_is_the_ratio_of_the_extreme_eigenvalues_of_the_scaled_matrix(
     assert solution.condition() == solution.condition()
 
 
+def test_log_determinant_is_that_of_the_unscaled_matrix():
+    A = np.random.default_rng(3).standard_normal((40, 7)) * 10.0 ** np.arange(-3, 4)
+    normals = NormalEquations(7)
+    normals.add(A, A[:, 0])
+    assert normals.factor().log_determinant == pytest.approx(np.linalg.slogdet(A.T @ A)[1], rel=1e-10)
+
+
 def test_new_right_hand_sides():
     A, y, _ = problem()
     solution = normals_of(A, y).factor()

@@ -260,6 +260,11 @@ class Solution:
             )
         return self.residual_sum_of_squares / (self.observations - self.unknowns)
 
+    @property
+    def log_determinant(self) -> float:
+        """log det N, for likelihoods."""
+        return float(2.0 * (np.log(self.factor.diagonal()).sum() - np.log(self.scale).sum()))
+
     def covariance(self) -> Array:
         """N^-1 (n, n), the covariance of the unknowns for variance factor 1."""
         inverse, _ = lapack.dpotri(self.factor, lower=1)

@@ -26,7 +26,7 @@ def test_one_metre_per_second_costs_eleven_milligals():
 
 
 def test_eotvos_is_the_centrifugal_and_coriolis_acceleration_of_motion_over_a_turning_sphere():
-    # independent: (Omega R cos phi + v_E)^2 / R - (Omega R cos phi)^2 / R + v_N^2 / R, on the equator where M and N differ by 0.7 %
+    # independent: (Omega R cos phi + v_E)^2 / R - (Omega R cos phi)^2 / R + v_N^2 / R, on the equator
     R, omega = 6378137.0, 7.292115e-5
     rotating = ((omega * R + 60) ** 2 - (omega * R) ** 2) / R
     assert corrections.eotvos(0.0, 0.0, 60.0, 0.0) * 1e-5 == pytest.approx(rotating, rel=1e-12)

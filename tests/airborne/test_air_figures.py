@@ -117,8 +117,10 @@ def test_gains(theme):
 
 
 def test_fir_scan(theme):
-    figure = figures.fir_scan(np.array([60.0, 100.0]), {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}})
+    scans = {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}}, {"a": np.array([0.4, 0.2])}
+    figure = figures.fir_scan(np.array([60.0, 100.0]), *scans)
     assert_dressed(figure, theme)
+    np.testing.assert_array_equal(line(figure.axes[0], "FIR, clean ends").get_ydata(), [0.4, 0.2])
     np.testing.assert_array_equal(line(figure.axes[0], "FIR").get_ydata(), [0.5, 0.3])
     assert labels(figure) == [("cutoff of the FIR [s]", "sd against truth [mGal]")]
 
@@ -211,3 +213,41 @@ def test_every_figure_has_its_test():
         for name, function in inspect.getmembers(module, inspect.isfunction):
             if function.__module__ == module.__name__ and not name.startswith("_"):
                 assert f"{module.__name__.split('.')[-1]}.{name}(" in text, name
+
+
+SMOKE = {
+    "six_panels": lambda: figures.six_panels(
+        [figures.Panel("line 1", T, {"reference": WAVE, "fb": WAVE + 1, "forward": WAVE - 2}, np.ones(400))] * 2,
+        {"reference": "GT-like", "fb": "SAGFB", "forward": "SAGK"},
+    ),
+    "starts": lambda: figures.starts(T, {"literal": WAVE, "wide": WAVE / 9}, {"wide": np.ones(400)}),
+    "fir_scan": lambda: figures.fir_scan(
+        np.array([60.0, 100.0, 140.0]), {"a": np.array([3.0, 1.0, 2.0])}, {"a": {"smoother": 0.9}}, {"a": np.ones(3)}
+    ),
+    "per_line": lambda: figures.per_line(["1", "2", "3"], {"joint": np.array([1.0, 0.5, 0.7]), "grid": np.ones(3)}),
+    "grids": lambda: maps.grids(
+        np.arange(10.0), np.arange(8.0), {"gravity": np.outer(np.arange(8.0), np.arange(10.0))}, {"gravity": False},
+        [(np.arange(10.0), np.full(10, 4.0))],
+    ),
+    "system": drawings.system,
+    "chain": drawings.chain,
+}  # fmt: skip
+
+compare = pytest.mark.mpl_image_compare(
+    baseline_dir="baseline", remove_text=True, tolerance=10, style="default",
+    savefig_kwargs={"dpi": 60, "facecolor": "auto", "metadata": {"Software": None}},
+)  # fmt: skip
+
+
+@compare
+@pytest.mark.parametrize("name", sorted(SMOKE))
+def test_smoke(name):
+    with style.theme("light"):
+        return SMOKE[name]()
+
+
+@compare
+@pytest.mark.parametrize("name", ["chain", "grids"])
+def test_smoke_dark(name):
+    with style.theme("dark"):
+        return SMOKE[name]()

@@ -2,8 +2,11 @@
 levels.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from geokalman.airborne import assess, joint, level
 from geokalman.airborne.model import Line, Tuning, build
@@ -58,6 +61,49 @@ def test_a_known_field_is_found_within_its_sigma(toy):
     np.testing.assert_allclose(field.at(f.easting, f.northing, f.height), field.gravity[f.name], atol=0.02)
 
 
+def test_the_likelihood_is_that_of_the_dense_covariance(toy):
+    """Against z ~ N(0, C): C from the states' covariances propagated by themselves, and the waves' prior."""
+    tuning, cut = toy_tuning(), slice(0, 90)
+    columns = ("easting", "northing", "height", "lon", "lat")
+    flights = [replace(f, line=f.line.part(cut), **{c: getattr(f, c)[cut] for c in columns}) for f in toy[0][:3]]
+    field = joint.joint_field(flights, tuning, BOX, lag=0.0, weigh=False)
+    z, blocks, design = [], [], []
+    for f in flights:
+        built, n = build(f.line, tuning), len(f.line.t)
+        C, P, m = np.zeros((n, n)), built.prior.cov, len(built.names)
+        for k in range(n):
+            if k:
+                P = built.Phi[k - 1] @ P @ built.Phi[k - 1].T + built.Q
+            cross = P @ built.H[0]
+            for j in range(k, n):
+                if j > k:
+                    cross = built.Phi[j - 1] @ cross
+                C[k, j] = C[j, k] = built.H[0] @ cross
+        assert m == 3
+        blocks.append(C + built.R[0, 0] * np.eye(n))
+        spline = joint.Spline.of(f.line.t, 5.0)
+        track = (f.easting - field.origin[0], f.northing - field.origin[1], f.height)
+        place = [np.interp(spline.at, f.line.t, x) for x in track]
+        design.append(spline.integrated @ BOX.rows(*place))
+        z.append(f.line.z)
+    z, G = np.concatenate(z), np.vstack(design)
+    C = block_diag(*blocks) + G @ (BOX.variances()[:, None] * G.T)
+    sign, logdet = np.linalg.slogdet(C)
+    assert sign == 1 and field.log_likelihood == pytest.approx(-0.5 * (z @ np.linalg.solve(C, z) + logdet), rel=1e-7)
+
+
+def test_settings_are_compared_one_change_at_a_time(toy):
+    flights = toy[0][:6]
+    found = joint.compare(flights, toy_tuning(), BOX, 0.0, [(), (("R_m", 0.02),), (("sigma", 2.0),), (("lag", 0.01),)])
+    plain = joint.joint_field(flights, toy_tuning(), BOX, 0.0, weigh=False)
+    assert found[0].log_likelihood == plain.log_likelihood
+    np.testing.assert_array_equal(found[0].gravity["0"], plain.unweighted["0"])
+    assert found[1].log_likelihood < found[0].log_likelihood - 10.0  # the toy's own noise is the likelier one
+    assert found[3].log_likelihood == pytest.approx(found[0].log_likelihood)  # a constant force shows no lag
+    with pytest.raises(ValueError, match="'depht' is no setting of a Tuning or of Waves, nor lag"):
+        joint.compare(flights, toy_tuning(), BOX, 0.0, [(("depht", 1.0),)])
+
+
 def test_noisy_lines_get_less_weight(toy):
     flights, _ = toy
     rng = np.random.default_rng(1)
@@ -89,6 +135,8 @@ def test_what_the_joint_estimate_refuses(toy):
         joint.joint_field([])
     with pytest.raises(ValueError, match="sigma_mgal = 12: the whitening filter has no gravity"):
         joint.joint_field(toy[0], Tuning(), BOX)
+    with pytest.raises(ValueError, match="box = 9000 m is smaller than the survey, 16000 m from west to east"):
+        joint.joint_field(toy[0], toy_tuning(), replace(BOX, box=9e3))
     with pytest.raises(ValueError, match="both must be positive"):
         joint.Waves(n_max=0)
 

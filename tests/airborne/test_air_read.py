@@ -1,11 +1,12 @@
 """Readers and every item of bad input: refused in one sentence, or repaired."""
 
 import gzip
+import warnings
 
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, read, tables
+from geokalman.airborne import checks, read, tables, trial
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
@@ -75,7 +76,7 @@ def test_packing_is_without_loss(table, tmp_path):
 
 def test_eastern_victoria_and_its_aliasing():
     with pytest.warns(
-        checks.SuspiciousData, match="On 10 of 10 lines .* probably aliased, so give the height a larger R"
+        checks.SuspiciousData, match="on 10 of 10 lines .* probably aliased, so give the height a larger R"
     ):
         eastvic = read.load("eastvic")
     assert len(eastvic.flights) == 10 and eastvic.flights[4].name == "7001.20"
@@ -146,7 +147,7 @@ def test_xyz_with_comments_ties_dashes_and_nulls(tmp_path):
     (tmp_path / "b.xyz").write_text(XYZ.replace("LINE ", "").replace(" 7001.16 1", " 1").replace(" 7002 1", " 1"))
     np.testing.assert_array_equal(tables.read_table(tmp_path / "b.xyz")["LINE"], [7001.16, 7001.16, 7002])
     (tmp_path / "c.xyz").write_text("Line 1\n1 2 3\n")
-    with pytest.raises(ValueError, match="no comment line that names its columns"):
+    with pytest.raises(ValueError, match="names no columns: a CSV has commas in its header line, an XYZ a comment"):
         tables.read_table(tmp_path / "c.xyz")
     (tmp_path / "d.xyz").write_text(XYZ.replace(" 951564.138\nTie", "\nTie").replace("957133.954", "957133.954 8"))
     with pytest.raises(ValueError, match=r"Row 5 of .*d.xyz has 6 values; 5 are named"):
@@ -193,7 +194,7 @@ def test_ones_own_layout(table, kauring):
 
 def test_swapped_latitude_and_longitude_are_put_right(table, kauring):
     table["LON"], table["LAT"] = table["LAT"], table["LON"]
-    with pytest.warns(checks.SuspiciousData, match="latitude and longitude are swapped; put right"):
+    with pytest.warns(checks.SuspiciousData, match=r"longitude are swapped on 1 lines .104000.; put right"):
         flight = survey(table, KAURING)[104000]
     np.testing.assert_array_equal(flight.lat, kauring[104000].lat)
     table["LON"] = table["LAT"] * 0 + 3.0
@@ -215,9 +216,14 @@ def test_the_contractors_definition_has_them_swapped(table):
         "LONGITUD": table["LAT"],
         "GRVFRAL100S": table["FRAL100"],
     }
-    with pytest.warns(checks.SuspiciousData, match="swapped"):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # a known fault of the definition is no news
         flight = survey({**table, **renamed}, KAURING_DAT)[104000]
     assert -32.2 < flight.lat[0] < -31.8
+    renamed["LATITUDE"], renamed["LONGITUD"] = renamed["LONGITUD"], renamed["LATITUDE"]
+    with pytest.warns(checks.SuspiciousData, match="swapped on 1 lines"):  # should a later edition name them rightly
+        again = survey({**table, **renamed}, KAURING_DAT)[104000]
+    np.testing.assert_array_equal(again.lat, flight.lat)
 
 
 def test_midnight_is_unwrapped(table, kauring):
@@ -230,7 +236,8 @@ def test_midnight_is_unwrapped(table, kauring):
 def test_a_gap_splits_the_line_and_is_not_integrated_across(whole, table):
     long = {name: np.concatenate([v, v]) for name, v in table.items()}  # 888 s in two flights over the same ground
     long["UTC"][888:] += 600.0
-    pieces = survey(long, KAURING).flights
+    with pytest.warns(checks.SuspiciousData, match=r"line 104000 is cut into 2 pieces: a gap of 156.5 s at row 889"):
+        pieces = survey(long, KAURING).flights
     assert [f.name for f in pieces] == ["104000a", "104000b"] and {f.number for f in pieces} == {104000.0}
     np.testing.assert_array_equal(pieces[0].line.z, pieces[1].line.z)
     assert pieces[1].line.z[0] == 0.0
@@ -240,7 +247,12 @@ def test_a_null_in_one_channel_splits_too(table):
     long = {name: np.concatenate([v, v]) for name, v in table.items()}
     long["UTC"][888:] += 600.0
     long["FZ"][600] = np.nan
-    found = survey(long, KAURING)
+    with pytest.warns(checks.SuspiciousData, match="3 pieces: f3 null at row 601 of the data, a gap of"):
+        found = survey(long, KAURING)
+    assert [f.name for f in found.select([104000])] == ["104000a", "104000c"]
+    assert found["104000c"].line.t[0] > found["104000a"].line.t[-1]
+    with pytest.raises(read.UnknownLine, match="is not whole, its pieces are 104000a, 104000c: line 104000b lasts"):
+        found[104000]
     assert [(f.name, len(f.line.t)) for f in found.flights] == [("104000a", 600), ("104000c", 888)]
     assert found.refused == ("line 104000b lasts 143.0 s, at least 240 s are needed",)
 
@@ -255,7 +267,8 @@ def test_a_repeated_row_is_dropped_and_a_repeated_epoch_splits(table, kauring):
     twice = cut(table, np.sort(np.append(np.arange(888), 300)))
     np.testing.assert_array_equal(survey(twice, KAURING)[104000].line.z, kauring[104000].line.z)
     table["UTC"][500:] -= 0.5
-    assert len(survey(table, KAURING, 150.0).flights) == 2
+    with pytest.warns(checks.SuspiciousData, match="a repeated epoch at row 501"):
+        assert len(survey(table, KAURING, 150.0).flights) == 2
 
 
 def test_a_step_that_varies(table):
@@ -349,6 +362,118 @@ def test_a_line_that_is_not_there(kauring):
         kauring[5]
     with pytest.raises(KeyError, match="There is no line 200100; line 200100 lasts 140.0 s, at least 240 s are needed"):
         read.load("kauring")[200100]
+
+
+def test_a_line_that_is_flown_twice_keeps_both_flights(table):
+    other = {name: values.copy() for name, values in table.items()}
+    other["LINE"] += 100.0
+    thrice = {name: np.concatenate([table[name], other[name], table[name]]) for name in table}
+    with pytest.warns(checks.SuspiciousData, match="line 104000 was flown 2 times, its flights carry letters"):
+        found = survey(thrice, KAURING)
+    assert [f.name for f in found.flights] == ["104000a", "104100", "104000b"]
+    assert [f.name for f in found.select([104000])] == ["104000a", "104000b"]
+
+
+def test_more_pieces_than_letters_keep_apart(table):
+    for k in range(30, 888, 30):
+        table["FZ"][k] = np.nan
+    with pytest.warns(checks.SuspiciousData, match="cut into 30 pieces"):
+        found = survey(table, KAURING, 5.0)
+    names = [f.name for f in found.flights]
+    assert len(names) == 30 == len(set(names)) and names[24:29] == [f"104000{x}" for x in ("y", "z", "aa", "ab", "ac")]
+    assert {f.number for f in found.flights} == {104000.0}
+
+
+def test_an_empty_line_is_refused_and_the_rest_of_the_file_read(whole, table):
+    rows = np.isin(whole["LINE"], [104000, 104100])
+    two = {name: values[rows].copy() for name, values in whole.items()}
+    two["FZ"][:888] = np.nan
+    found = survey(two, KAURING)
+    assert [f.name for f in found.flights] == ["104100"]
+    assert found.refused == ("line 104000 cannot be used: f3 null in all of its rows",)
+    two["FZ"][:2] = 979_000.0
+    assert survey(two, KAURING).refused == ("line 104000 cannot be used: only 2 complete rows",)
+    with pytest.raises(ValueError, match="No line can be used: line 104000 cannot be used: only 2 complete rows"):
+        survey(cut(two, slice(0, 888)), KAURING)
+
+
+def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
+    slow = 4.0e4 * np.sin(0.7 * np.arange(888))  # a motion that the height does not have
+    table["FZ"], table["GRVRAW"] = table["FZ"] + slow, table["GRVRAW"] + slow
+    with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines .104000. the specific force .* aliased"):
+        survey(table, KAURING)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("GPSZ", 99999.0, r"height is 99999 m at row 301 of the data, 9.96e\+04 m away from its neighbours"),
+        ("GPSZ", -9999999.0, "height is -1e.07 m at row 301 of the data, .* a spike, or a null in other words"),
+        ("FZ", 9.8e6, "f3 is 9.8e.06 mGal at row 301"),
+        ("EASTING", 0.0, "easting is 0 m at row 301"),
+    ],
+)
+def test_one_wild_value_is_named(table, column, value, message):
+    table[column][300] = value
+    with pytest.raises(ValueError, match=message):
+        survey(table, KAURING)
+
+
+def test_a_run_of_unknown_nulls_is_named(table):
+    table["GPSZ"][300:340] = -9999999.0
+    with pytest.raises(ValueError, match="a null in other words"):
+        survey(table, KAURING)
+
+
+def test_rows_out_of_order(table):
+    order = np.r_[0:400, 409:399:-1, 410:888]
+    with pytest.raises(ValueError, match="rows are not in the order of time, .* at row 402 of the data; sort them"):
+        survey(cut(table, order), KAURING)
+
+
+def test_files_that_are_no_tables(table, tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"LINE,UTC\n\xf8\x01,2\n")
+    with pytest.raises(ValueError, match="a.csv holds byte 0xf8 .* which is no text"):
+        tables.read_table(path)
+    write_csv(path, cut(table, slice(0, 300)), opener=gzip.open)
+    path.write_bytes(path.read_bytes()[:-400])
+    with pytest.raises(ValueError, match="a.csv is cut short or damaged"):
+        tables.read_table(path)
+    cases = (("", "is empty"), ("A,B\n", "a header line and no data"), ("A;B\n1;2\n", "separated by semicolons"))
+    for text, message in cases:
+        path.write_text(text)
+        with pytest.raises(ValueError, match=message):
+            tables.read_table(path)
+    (tmp_path / "b.xyz").write_text("/ LINE X\n")
+    with pytest.raises(ValueError, match="names its columns and has no data"):
+        tables.read_table(tmp_path / "b.xyz")
+    with pytest.raises(FileNotFoundError):
+        tables.read_table(tmp_path / "none.csv")
+
+
+def test_selecting_a_line_twice_or_none(kauring):
+    with pytest.raises(ValueError, match="Line 104000 is asked for twice"):
+        kauring.select([104000, 104100, 104000])
+    with pytest.raises(ValueError, match="No line is asked for; there are 10100"):
+        kauring.select([])
+
+
+def test_samples_of_lines(kauring):
+    assert [f.name for f in trial.sample(kauring.flights, "test", [104000, 104200])] == ["104000", "104100", "104200"]
+    with pytest.raises(ValueError, match=r"test = \[1, 2\]: no line of at least 800 points lies between; they run from"):
+        trial.sample(kauring.flights, "test", [1, 2])
+    with pytest.raises(ValueError, match=r"train = \[5\]: two numbers are wanted, the first and the last line"):
+        trial.sample(kauring.flights, "train", [5])
+    tested = trial.sample(kauring.flights, "test", [105000, 110900])
+    assert len(tested) == 60 and trial.unseen(tested).sum() == 48
+
+
+def test_a_survey_without_ground_truth_says_so(table):
+    found = survey({k: v for k, v in table.items() if k not in ("GND_FA", "FRA100")}, KAURING)
+    found.require("contractor")
+    with pytest.raises(ValueError, match=r"no column GND_FA, GNDGRV_FA_UPWARD \(ground\), .* it has contractor, grid"):
+        found.require("contractor", "ground")
 
 
 def test_an_unknown_unit_and_a_row_without_a_line(table):

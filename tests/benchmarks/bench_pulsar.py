@@ -1,48 +1,49 @@
-"""Cost of the orbiter's filters per epoch, and of Table 3 with 20 seeds; never a gate."""
+"""Cost of the orbiter's filters per epoch, of Table 3 with 20 seeds, and of the part as the last build made it.
 
+    python tests/benchmarks/bench_pulsar.py
+
+Limits that the part set itself, one core after compilation: EKF with 50 substeps 100 us per epoch, Table 3 with 20
+seeds and six filters 20 s; the whole part 180 s on two cores. Told beside what was measured; never a gate.
+"""
+
+from __future__ import annotations
+
+import json
 import time
 
-import numpy as np
-import pytest
-
+from geokalman.files import project_root
 from geokalman.physics import mars
-from geokalman.pulsar import ensemble, estimate, simulate
-from geokalman.pulsar.dynamics import j2_force, rich_force
+from geokalman.pulsar import ensemble
+from geokalman.pulsar.dynamics import rich_force
+from geokalman.pulsar.ensemble import Method
 from geokalman.pulsar.model import Mission, preset
 
-
-def cpu(call):
-    """Least processor time of three calls [s]."""
-    times = []
-    for _ in range(3):
-        begun = time.process_time()
-        call()
-        times.append(time.process_time() - begun)
-    return min(times)
+TABLE_3 = ["ekf", "aekf1_prw", "aekf2", "raekf", "aekf1_pr3", "ekf_tuned"]
 
 
-@pytest.mark.parametrize("kind", ["ekf", "aekf1_prw", "raekf", "ukf"])
-def test_microseconds_per_epoch(kind):
+def told(label: str, value: float, unit: str, limit: float | None = None) -> None:
+    """One line: what was measured, and the limit."""
+    print(f"{label:52s} {value:8.1f} {unit}" + (f"   (limit {limit:g})" if limit else ""))
+
+
+def main() -> None:
     mission, gravity, chosen = Mission(), mars.gravity(), preset("E")
-    flight = simulate.fly(mission, gravity, 1.0)
-    data = simulate.observe(flight, mission, chosen, np.random.default_rng(0))
-    run = lambda: estimate.run(kind, data, flight.x0, chosen, j2_force(gravity))
-    run()
-    print(f"{kind}: {cpu(run) / mission.epochs * 1e6:.0f} us per epoch")
+    methods = ensemble.table3_methods(chosen, TABLE_3)
+    trial = ensemble.experiment(mission, chosen, gravity, methods | {"ukf": Method("ukf")})
+    for name, limit in (("ekf", 100.0), ("aekf1_prw", None), ("aekf2", None), ("raekf", None), ("ukf", None)):
+        told(f"{name}, per epoch", ensemble.microseconds(trial, trial.methods[name]), "us", limit)
+    field = Method("ekf", force=rich_force(gravity, mission))
+    told("ekf with the field to degree 20, per epoch", ensemble.microseconds(trial, field), "us")
+    six = ensemble.experiment(mission, chosen, gravity, methods)
+    begun = time.process_time()
+    ensemble.ensemble(six, 0, 20)
+    told("Table 3, 20 seeds, 6 filters", time.process_time() - begun, "s", 20.0)
+    pages = sorted((project_root() / "book" / "_build" / "runs" / "mars-pulsar").glob("*/provenance.json"))
+    if len(pages) == 12:
+        seconds = sum(json.loads(page.read_text(encoding="utf-8"))["seconds"] for page in pages)
+        told("pages of the last build, one after another", seconds, "s")
+        told("the same two at a time, at best", seconds / 2, "s", 180.0)
 
 
-def test_microseconds_per_epoch_at_degree_20():
-    mission, gravity, chosen = Mission(days=1.0), mars.gravity(), preset("C")
-    flight, force = simulate.fly(mission, gravity, 1.0), rich_force(gravity, mission)
-    data = simulate.observe(flight, mission, chosen, np.random.default_rng(0))
-    run = lambda: estimate.run("ekf", data, flight.x0, chosen, force)
-    run()
-    print(f"ekf, degree 20: {cpu(run) / mission.epochs * 1e6:.0f} us per epoch")
-
-
-def test_seconds_of_table_3():
-    mission, chosen = Mission(), preset("E")
-    methods = ensemble.table3_methods(chosen, ["ekf", "aekf1_prw", "aekf2", "raekf", "aekf1_pr3", "ekf_tuned"])
-    trial = ensemble.experiment(mission, chosen, mars.gravity(), methods)
-    ensemble.ensemble(trial, 0, 1)
-    print(f"20 seeds, 6 filters: {cpu(lambda: ensemble.ensemble(trial, 0, 20)):.1f} s")
+if __name__ == "__main__":
+    main()

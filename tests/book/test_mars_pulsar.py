@@ -1,4 +1,4 @@
-"""The notebooks of the pulsar paper at the quick scale: anchors, stored references, figures, contract, other parameters, bad ones.
+"""The notebooks of the pulsar paper at the quick scale: anchors, references, figures, contract, parameters.
 
 Each test is one notebook, executed as `geokalman run` does; with xdist they run side by side.
 """
@@ -18,8 +18,8 @@ from geokalman.reproduce.errors import Misuse
 PAPER = "mars-pulsar"
 ROOT = project_root(Path(__file__).parent)
 NOTEBOOKS = (
-    "01-frames-ephemeris", "02-dynamics-stm", "03-pulsars", "04-simulation", "05-table3", "06-figures12", "07-initial-error", "08-mismatch-q",
-    "09-robustness", "10-sequential", "11-smoother-ukf", "12-real-photons",
+    "01-frames-ephemeris", "02-dynamics-stm", "03-pulsars", "04-simulation", "05-table3", "06-figures12",
+    "07-initial-error", "08-mismatch-q", "09-robustness", "10-sequential", "11-smoother-ukf", "12-real-photons",
 )  # fmt: skip
 FILTERS = ("ekf", "aekf1_prw", "aekf1_pr3", "aekf1_pr2", "aekf2", "raekf", "rts", "ekf_tuned")
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles of orbits take hours in plain Python")
@@ -99,8 +99,8 @@ def test_the_names_of_the_contract(run):
 def test_the_parameters_of_the_contract():
     found = set().union(*(parameters.load(ROOT, f"{PAPER}/{name}").parameters for name in NOTEBOOKS))
     assert {
-        "preset", "seed0", "n_seeds", "pulsars", "sigma_scale", "q_pos_m", "q_vel_m_s", "filters", "k0", "k1", "raan_deg", "days", "outlier_fraction",
-        "allow_coarse_substeps",
+        "preset", "seed0", "n_seeds", "pulsars", "sigma_scale", "q_pos_m", "q_vel_m_s", "filters", "k0", "k1",
+        "raan_deg", "days", "outlier_fraction", "allow_coarse_substeps",
     } <= found  # fmt: skip
 
 
@@ -121,11 +121,19 @@ def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
     assert metrics["table3.ukf.rms.3d"]["value"] > 0
 
 
+def test_a_skipped_adaptation_is_told(tmp_path):
+    given = {"pulsars": [1, 2], "filters": ["ekf", "aekf2"], "n_seeds": 1, "days": 1.0}
+    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / "two", page=False, threads=1)
+    assert "AEKF2: the adaptation was skipped in 100 % of the epochs" in (folder / "notebook.ipynb").read_text()
+
+
 @pytest.mark.parametrize(
     ("given", "match"),
     [
-        ({"preset": "F"}, "preset"), ({"filters": ["pf"]}, "filters"), ({"n_seeds": 0}, "n_seeds"), ({"days": -1.0}, "days"), ({"pulsars": [8]}, "pulsars"),
-        ({"k0": 0.0}, "k0"), ({"outlier_fraction": 2.0}, "outlier_fraction"), ({"q_pos_m": -1.0}, "q_pos_m"), ({"sigma_scale": 0.0}, "sigma_scale"),
+        ({"preset": "F"}, "preset"), ({"filters": ["pf"]}, "filters"), ({"n_seeds": 0}, "n_seeds"),
+        ({"days": -1.0}, "days"), ({"pulsars": [8]}, "pulsars"), ({"k0": 0.0}, "k0"),
+        ({"outlier_fraction": 2.0}, "outlier_fraction"), ({"q_pos_m": -1.0}, "q_pos_m"),
+        ({"sigma_scale": 0.0}, "sigma_scale"),
     ],
 )  # fmt: skip
 def test_parameters_out_of_range_are_refused_in_one_sentence(given, match):

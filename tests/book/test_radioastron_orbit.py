@@ -71,6 +71,8 @@ def test_figures_are_drawn_twice_with_their_data(run, name):
     for figure in figures:
         light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
         assert min(len(light), len(dark)) > 1000 and light != dark, figure
+        table = (folder / "figures" / f"{figure}.csv").read_text(encoding="utf-8").splitlines()
+        assert len(table) > 1 and len({line.count(",") for line in table}) == 1, figure
 
 
 @pytest.mark.parametrize(("label", "name", "given", "key", "value", "rel"), [
@@ -81,15 +83,56 @@ def test_figures_are_drawn_twice_with_their_data(run, name):
     ("two", "03-observability", {"stations": ["Bear Lakes", "Ussuriysk"], "estimate_bias": True}, "sigma.rate.post", 1.51e-11, 0.03),
     ("east", "03-observability", {"mean_anomaly_deg": 90.0, "source": "east 15"}, "sigma.delay_us.post", 1.88, 0.03),
     ("smear", "05-correlator", {"rate": 0.0, "acceleration": 3e-15, "band": "C", "n_seeds": 1}, "coherence", 0.525, 0.02),
+    ("vacuum", "02-measurements", {"shapiro": False}, "range_m", 86058023.32 - 0.0263, 1e-9),
+    ("clock", "02-measurements", {"terms": ["clock"]}, "doppler.sum", 0.20893, 1e-5),
+    ("ray", "02-measurements", {"light_time_terms": ["distance"]}, "light_time.seconds", 86058340.0 / 299792458.0, 1e-7),
 ])  # fmt: skip
 def test_parameters_of_the_contract(run, label, name, given, key, value, rel):
     assert reference.read_run(run(name, label, **given))[1][key]["value"] == pytest.approx(value, rel=rel)
+
+
+def test_the_other_session_of_july_runs_too(run):
+    """BB ends before the printed times of Figure 5 (BC's); its own window is taken, and BC is then the other one."""
+    folder = run("07-sessions-2012", "bb", session="BB", n_seeds=2, snr_seeds=4)  # as many as there are
+    metrics = reference.read_run(folder)[1]
+    assert 1.0 < metrics["prior.delay_us.rms"]["value"] < 20.0
+    assert metrics["bc.snr.l.ekf.median"]["value"] > 20.0
+    rows = [line.split(",") for line in (folder / "figures" / "r07-corrections.csv").read_text().splitlines()[1:]]
+    assert float(rows[0][0]) == 12.5 * 3600 - 660 and float(rows[-1][0]) == 13.5 * 3600 + 900
+
+
+def test_stations_and_source_act_on_every_study(run):
+    """Two stations make the P(0) study and the correction others than one does; a source to the east another delay."""
+    few = {"n_seeds": 4, "snr_seeds": 2}
+    one = reference.read_run(run("07-sessions-2012", "few", **few))[1]
+    two = reference.read_run(
+        run("07-sessions-2012", "pair", stations=["Ussuriysk", "Bear Lakes"], source="east 15", **few)
+    )[1]
+    for key in ("correction.dx_rms_m", "correction.along_m", "ekf.delay_us.rms", "printed.delay_dz_plus_us"):
+        assert one[key]["value"] != pytest.approx(two[key]["value"], rel=1e-3), key
+    short = {"n_seeds": 3, "scales": [5.0, 5.0]}
+    one = reference.read_run(run("08-estimators", "few", **short))[1]
+    two = reference.read_run(
+        run("08-estimators", "pair", stations=["Bear Lakes", "Ussuriysk"], source="east 10", **short)
+    )[1]
+    assert two["scale.5.delay_us.rms"]["value"] < 0.5 * one["scale.5.delay_us.rms"]["value"]
+
+
+def test_every_station_is_observed(run):
+    folder = run("02-measurements", "three", stations=["Bear Lakes", "Ussuriysk", "Pushchino"])
+    rows = (folder / "tables" / "r02-observed.csv").read_text(encoding="utf-8").splitlines()
+    assert [row.split(",")[0] for row in rows[1:]] == ["Bear Lakes", "Ussuriysk", "Pushchino"]
 
 
 @pytest.mark.parametrize(("name", "given", "words"), [
     ("01-orbit", {"session": "XX"}, "session 'XX' is unknown"),
     ("03-observability", {"stations": ["Arecibo"]}, "station 'Arecibo' is unknown"),
     ("04-session-l", {"source": "12:30, 10"}, "in hours"),
+    ("03-observability", {"mean_anomaly_deg": 340.0}, "above the horizon of Bear Lakes"),
+    ("02-measurements", {"terms": ["wind"]}, "term 'wind' is unknown"),
+    ("04-session-l", {"pair": ["Bear Lakes"]}, "fewer than two stations"),
+    ("10-literal", {"step_s": 0.001, "after_s": 86400.0}, "at most 1e5 steps"),
+    ("10-literal", {"step_s": 3600.0}, "at least one"),
 ])  # fmt: skip
 def test_a_wrong_parameter_is_said_in_a_sentence(tmp_path, name, given, words):
     with pytest.raises(Fault, match=words):

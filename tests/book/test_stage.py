@@ -146,7 +146,7 @@ def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
 
 
 def test_run_times_and_the_package_list(toy_root: Path) -> None:
-    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
+    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all of {doc}`/toy/index` | 1.5 |\n| the whole book | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
     module = toy_root / "src/geokalman/part.py"
     module.parent.mkdir(parents=True)
     module.write_text(

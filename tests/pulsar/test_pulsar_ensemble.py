@@ -8,7 +8,7 @@ import pytest
 
 from geokalman.kalman import monte_carlo
 from geokalman.physics import mars
-from geokalman.pulsar import assess, ensemble, estimate
+from geokalman.pulsar import assess, ensemble, estimate, simulate
 from geokalman.pulsar.ensemble import Experiment, Method
 from geokalman.pulsar.model import CENTURIES, Mission, preset
 
@@ -16,8 +16,9 @@ from geokalman.pulsar.model import CENTURIES, Mission, preset
 @pytest.fixture(scope="module")
 def trial(day):
     methods = {
-        "ekf": Method("ekf"), "rts": Method("ekf", smoothed=True), "two": Method("ekf", pulsars=(1, 2)), "cycle": Method("aekf2", order=(1, 2, 3)),
-        "wide": Method("ekf", r_factor=100.0), "empirical": Method("ekf", empirical=(1e-3, 1000.0)),
+        "ekf": Method("ekf"), "rts": Method("ekf", smoothed=True), "two": Method("ekf", pulsars=(1, 2)),
+        "cycle": Method("aekf2", order=(1, 2, 3)), "wide": Method("ekf", r_factor=100.0),
+        "empirical": Method("ekf", empirical=(1e-3, 1000.0)),
     }  # fmt: skip
     return Experiment(day.mission, preset("E"), day.rich, day.force, methods, first=10)
 
@@ -35,16 +36,14 @@ def test_methods_differ_as_they_say(trial):
     scores = {label: assess.mean(s) for label, s in ensemble.ensemble(trial, 0, 2).items()}
     assert scores["wide"].nis < scores["ekf"].nis and scores["wide"].nees6 < scores["ekf"].nees6
     assert scores["empirical"].d3 < scores["ekf"].d3
-    assert (
-        scores["two"].d3 != scores["ekf"].d3
-        and scores["cycle"].d3 != scores["ekf"].d3
-        and scores["rts"].d3 != scores["ekf"].d3
-    )
+    assert scores["cycle"].skipped == 1.0 and scores["ekf"].skipped == 0.0
+    data = simulate.observe(trial.flight, trial.mission, trial.preset, np.random.default_rng(0))
+    run = {label: trial.estimate(method, data) for label, method in trial.methods.items()}
+    assert (run["two"].observed == 2).all() and (run["cycle"].observed == 1).all() and (run["ekf"].observed == 7).all()
+    np.testing.assert_array_equal(run["rts"].x, estimate.smooth(run["ekf"]).x)
 
 
 def test_a_score_from_its_definitions(trial, day):
-    from geokalman.pulsar import simulate
-
     data = simulate.observe(day.rich, day.mission, preset("E"), np.random.default_rng(0))
     run = trial.estimate(Method("aekf1_pr3"), data)
     score = assess.score(run, day.rich, 10)
@@ -74,7 +73,7 @@ def test_the_last_epoch_beyond_a_kilometre(day):
 
 
 def test_statistics_of_an_ensemble():
-    scores = [assess.Score(*(np.full(12, v))) for v in (1.0, 2.0, 6.0)]
+    scores = [assess.Score(*(np.full(len(assess.Score._fields), v))) for v in (1.0, 2.0, 6.0)]
     assert assess.mean(scores).d3 == 3.0 and assess.spread(scores).d3 == pytest.approx(np.std([1, 2, 6], ddof=1))
     assert assess.spread(scores[:1]).d3 == 0.0
     difference, error = assess.paired(scores, scores[::-1])
@@ -85,9 +84,30 @@ def test_statistics_of_an_ensemble():
     )
 
 
-def test_a_filter_that_diverges_is_none_not_a_number(day):
+def test_a_filter_that_diverges_says_where_and_why_and_is_no_number(day):
     lost = Experiment(day.mission, preset("A", p0=(1e9, 1.0)), day.flight, day.force, {"ekf": Method("ekf")}, first=10)
-    assert ensemble.ensemble(lost, 0, 2) == {"ekf": [None, None]}
+    runs = ensemble.ensemble(lost, 0, 2)["ekf"]
+    assert [(r.epoch, "sigma" in r.why) for r in runs] == [(1, True), (1, True)]
+    assert assess.kept(runs) == []
+    good = assess.Score(*(np.full(len(assess.Score._fields), 1.0)))
+    for statistic in (assess.mean, assess.spread):
+        with pytest.raises(ValueError, match="run 2 of 2 has no score: the filter diverged at epoch k = 1: a position"):
+            statistic([good, runs[0]])
+        with pytest.raises(ValueError, match="at least one seed"):
+            statistic([])
+
+
+def test_the_chance_of_a_false_alarm():
+    """Against normal deviates drawn and counted."""
+    rng = np.random.default_rng(5)
+    for dof in (3, 7):
+        s = np.sqrt((rng.standard_normal((400_000, dof)) ** 2).mean(axis=1))
+        assert assess.false_alarm(1.5, dof) == pytest.approx((s > 1.5).mean(), abs=2e-3)
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="times of plain Python say nothing")
+def test_a_cost_is_a_positive_time(trial):
+    assert ensemble.microseconds(trial, Method("ekf"), repeat=1) > 0.0
 
 
 def test_what_an_ensemble_refuses(trial):

@@ -60,9 +60,12 @@ def test_ranges():
 @pytest.mark.parametrize("zoom", [0.0, 500.0])
 def test_axis_errors_with_their_band(zoom):
     error, sigma = RNG.standard_normal((N, 3)) * 100, np.full((N, 3), 90.0)
-    figure = labelled(figures.axis_errors(EPOCH, error, sigma, "position", "m", zoom=zoom))
+    notes = ["one", "two", "three"]
+    figure = labelled(figures.axis_errors(EPOCH, error, sigma, "position", "m", zoom=zoom, notes=notes, mark=17))
     for j, panel in enumerate(figure.axes):
         np.testing.assert_array_equal(data_of(panel, "estimate minus truth")[1], error[:, j])
+        assert panel.get_title(loc="right") == notes[j]
+        assert any(list(line.get_xdata()) == [17, 17] for line in panel.get_lines())
         [band] = panel.collections
         assert band.get_paths()[0].get_extents().ymax == pytest.approx(270.0)
         assert panel.get_ylabel() == f"{'XYZ'[j]} [m]"
@@ -95,10 +98,14 @@ def test_seed_strip_takes_the_colour_of_the_filter_that_is_named():
     values = {
         "A, RAEKF 1.5/2.5": [3.0, 5.0],
         "EKF, cycle 123": [1.0],
-        "igg 3/8": [2.0],
+        "EKF, IGG-III 3/8 on innovations": [2.0],
+        "UKF": [],
         "the same + RTS smoother": [4.0],
     }
-    [axes] = labelled(figures.seed_strip(values, "3-D RMS error of a run [m]", marks={"paper": 2.5})).axes
+    stopped = {"UKF": 2, "EKF, cycle 123": 0}
+    figure = figures.seed_strip(values, "3-D RMS error of a run [m]", marks={"paper": 2.5}, stopped=stopped)
+    [axes] = labelled(figure).axes
+    assert [t.get_text() for t in axes.get_yticklabels()] == [*list(values)[:3], "UKF (2 stopped)", *list(values)[4:]]
     means = [line for line in axes.get_lines() if line.get_marker() == "D"]
     assert [float(line.get_xdata()[0]) for line in means] == [4.0, 1.0, 2.0, 4.0]
     for line, key in zip(means, ("raekf", "ekf", "exact", "rts"), strict=True):
@@ -120,6 +127,8 @@ def test_noise_curve():
     np.testing.assert_array_equal(left.get_lines()[0].get_ydata(), d3)
     np.testing.assert_array_equal(right.get_lines()[0].get_ydata(), nis)
     assert "989 m, at 150 m" in left.get_title(loc="left")
+    for axes in (left, right):
+        assert data_of(axes, "least error")[0][0] == 150.0
 
 
 def test_smoothing():
@@ -169,8 +178,10 @@ def test_arrival_residuals_in_milliseconds():
 
 def test_orbit_scale():
     s = np.linspace(0, 2, 41)
-    [axes] = labelled(signal_figures.orbit_scale(s, 600 - 20 * (s - 1.2) ** 2)).axes
-    assert axes.patches[0].get_extents().transformed(axes.transData.inverted()).x0 == pytest.approx(1.0, abs=0.03)
+    [axes] = labelled(signal_figures.orbit_scale(s, 600 - 20 * (s - 1.2) ** 2, (0.98, 1.42))).axes
+    shaded = axes.patches[0].get_extents().transformed(axes.transData.inverted())
+    assert (shaded.x0, shaded.x1) == pytest.approx((0.98, 1.42))
+    np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), 600 - 20 * (s - 1.2) ** 2)
 
 
 def test_profiles_count_every_photon_twice():

@@ -1,4 +1,4 @@
-"""Real photons: numbers of the specification; synthetic ones with a known answer; FITS files that are damaged or say too little."""
+"""Real photons: numbers of the specification; synthetic ones with a known answer; FITS files that are damaged."""
 
 import gzip
 
@@ -35,7 +35,8 @@ def test_arrival_times_of_the_specification(rxte):
     assert raw.rms == pytest.approx(8.07e-3, abs=1.5e-4) and raw.z2 == pytest.approx(585.1, abs=0.2)
     assert earth.rms == pytest.approx(8.08e-3, abs=1.5e-4)
     assert both.rms == pytest.approx(2.11e-3, abs=1.5e-4) and both.z2 == pytest.approx(637.9, abs=0.2)
-    assert raw.formal == pytest.approx(2.57e-3, abs=5e-5)
+    assert raw.sigma.mean() == pytest.approx(2.57e-3, abs=5e-6)
+    assert raw.formal == pytest.approx(np.sqrt((raw.sigma**2).mean()))
     assert both.frequency == pytest.approx(6.595710, abs=2e-6)
     assert np.ptp(orbit.position(events.t, events.jd) @ n) / C_LIGHT == pytest.approx(22.3e-3, abs=5e-5)
 
@@ -104,11 +105,22 @@ def test_statistics_of_phases():
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 2), "from three pieces on"),
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 9), "piece 9 of 500 s has no photon"),
         (lambda t: photons.best_frequency(t, 6.59722, 1e-3), "end of the interval"),
+        (lambda t: photons.arrival_times(t, 100.0), "no pulsation within .* of 100 Hz: the largest Z.2, 6.* by chance"),
+        (lambda t: photons.arrival_times(t, 5.0), "no pulsation within 0.002 Hz of 5 Hz"),
     ],
 )
 def test_what_cannot_be_timed(rxte, call, match):
     with pytest.raises(ValueError, match=match):
         call(rxte[0].t)
+
+
+def test_where_a_parabola_has_fallen_by_one():
+    s = np.linspace(0.0, 2.0, 81)
+    low, high = photons.within_one(s, 600.0 - 20.0 * (s - 1.2) ** 2)
+    assert (low, high) == pytest.approx((1.2 - 20**-0.5, 1.2 + 20**-0.5), abs=2e-3)
+    for flat in (s, -s, np.ones(81)):
+        with pytest.raises(ValueError, match="does not fall by one on both sides"):
+            photons.within_one(s, flat)
 
 
 def card(key, value):
@@ -178,7 +190,8 @@ def test_a_single_mjdref_serves_too(tmp_path):
 def test_files_that_are_damaged_or_other(tmp_path):
     content = table(GOOD, [TIME], 2)
     for name, data, match in (
-        ("text", b"hello", "no FITS file"), ("cut", content[:5000], "truncated"), ("zip", gzip.compress(content)[:-20], "damaged or truncated"),
+        ("text", b"hello", "no FITS file"), ("cut", content[:5000], "truncated"),
+        ("zip", gzip.compress(content)[:-20], "damaged or truncated"),
         ("form", table(GOOD, [("TIME", "Z", TIME[2])], 2), "unknown format"),
     ):  # fmt: skip
         path = tmp_path / name

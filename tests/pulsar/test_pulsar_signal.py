@@ -21,8 +21,9 @@ from geokalman.pulsar.catalogue import (
 from geokalman.pulsar.model import TRANSFER, all_directions, all_sigmas
 
 ROWS = [
-    (0.750348, 0.660374, -0.029729), (-0.601567, -0.795336, 0.074548), (-0.359685, -0.461729, 0.810822), (0.280469, -0.393815, -0.875355),
-    (-0.285195, -0.495475, 0.820468), (-0.512953, -0.523868, -0.680031), (0.717535, 0.274464, 0.640167),
+    (0.750348, 0.660374, -0.029729), (-0.601567, -0.795336, 0.074548), (-0.359685, -0.461729, 0.810822),
+    (0.280469, -0.393815, -0.875355), (-0.285195, -0.495475, 0.820468),
+    (-0.512953, -0.523868, -0.680031), (0.717535, 0.274464, 0.640167),
 ]  # fmt: skip
 
 
@@ -58,9 +59,10 @@ def test_single_epoch_sigmas():
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"ra": 360.0}, "right ascension"), ({"ra": -1.0}, "right ascension"), ({"dec": 90.1}, "declination"), ({"dec": np.nan}, "not finite"),
-        ({"width": 0.05}, "not longer than the pulse width"), ({"pulsed": 0.0}, "pulsed fraction"), ({"pulsed": 1.1}, "pulsed fraction"),
-        ({"flux": 0.0}, "must be positive"), ({"distance": -1.0}, "must be positive"), ({"width": 0.0}, "must be positive"),
+        ({"ra": 360.0}, "right ascension"), ({"ra": -1.0}, "right ascension"), ({"dec": 90.1}, "declination"),
+        ({"dec": np.nan}, "not finite"), ({"width": 0.05}, "not longer than the pulse width"),
+        ({"pulsed": 0.0}, "pulsed fraction"), ({"pulsed": 1.1}, "pulsed fraction"), ({"flux": 0.0}, "must be positive"),
+        ({"distance": -1.0}, "must be positive"), ({"width": 0.0}, "must be positive"),
     ],
 )  # fmt: skip
 def test_impossible_pulsars_are_refused(change, match):

@@ -1,4 +1,4 @@
-"""Orbit and observations: anchors of the specification, another integrator, the order of the draws, and what is refused."""
+"""Orbit and observations: anchors of the specification, another integrator, order of the draws, what is refused."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_states_of_the_specification(day):
 
 def test_first_observation_of_the_specification(day):
     expected = [1742038.083, -1825132.433, -3660393.390, 2944082.697, -3627327.728, 1103359.864, -915652.850]
-    # the noise of all epochs is drawn in one array: with another length the first rows are the same, transfer noise differs
+    # the noise of all epochs is drawn in one array: with another length the transfer noise differs
     mission = Mission(days=5.0)
     data = simulate.observe(simulate.fly(mission, day.gravity), mission, preset("B"), np.random.default_rng(0))
     np.testing.assert_allclose(data.z[0], expected, atol=1e-3)
@@ -145,9 +145,11 @@ def test_orbits_that_are_refused(day):
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ({"t": np.array([500.0, 500.0, 1000.0])}, "must increase"), ({"t": np.array([0.0, 500.0, 1000.0])}, "initial state is at 0"),
+        ({"t": np.array([500.0, 500.0, 1000.0])}, "must increase"),
+        ({"t": np.array([0.0, 500.0, 1000.0])}, "initial state is at 0"),
         ({"z": np.zeros((2, 2))}, "do not fit"), ({"z": np.full((3, 2), np.inf)}, "epoch k = 1 is infinite"),
-        ({"variance": np.array([1.0, 0.0])}, "positive and finite"), ({"H": np.array([[1.0, 0, 0], [1.0, 0, 0]])}, "same pulsar"),
+        ({"variance": np.array([1.0, 0.0])}, "positive and finite"),
+        ({"H": np.array([[1.0, 0, 0], [1.0, 0, 0]])}, "same pulsar"),
     ],
 )  # fmt: skip
 def test_observations_that_are_refused(change, match):

@@ -8,6 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
+from geokalman.radioastron import estimate
 from geokalman.radioastron.data import Levels, Weights, check_prior
 
 
@@ -80,6 +81,30 @@ def test_sigmas_must_be_positive(kwargs):
     if next(iter(kwargs)) in Weights.__dataclass_fields__:
         with pytest.raises(ValueError, match="must be a positive finite sigma"):
             Weights(**kwargs)
+
+
+@pytest.mark.parametrize(
+    "kwargs", [{"pressure_error": -0.1}, {"acceleration": float("nan")}, {"impulse": float("inf")}]
+)
+def test_unmodelled_forces_may_be_absent_but_not_negative(kwargs):
+    with pytest.raises(ValueError, match="is the size of an unmodelled force"):
+        Levels(**kwargs)
+    assert Levels(pressure_error=0.0, acceleration=0.0, impulse=0.0).impulse == 0.0
+
+
+def test_data_know_their_day(drawn, st):
+    """Seconds of one day given to the forces of another are refused."""
+    assert drawn[1].day == st[0].day == 56419
+    with pytest.raises(ValueError, match="the data are of 2013-05-08, the forces of 2013-05-07"):
+        estimate.extended(changed(drawn[1], day=drawn[1].day + 1), st[1])
+
+
+@pytest.mark.parametrize("method", [estimate.extended, estimate.unscented, estimate.batch])
+def test_a_link_through_the_ground_is_refused_by_every_estimator(drawn, st, method):
+    """Data that claim to come from the other side of the Earth: the a-priori state stands below the station's horizon."""
+    below = changed(drawn[1], prior_mean=drawn[1].prior_mean * [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
+    with pytest.raises(ValueError, match="above the horizon of Bear Lakes"):
+        method(below, st[1])
 
 
 def test_unknown_bias():

@@ -7,6 +7,7 @@ import dataclasses
 import numba
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from geokalman.kalman.gaussian import NotPositiveDefinite
 from geokalman.physics.satellite import ForceModel, dynamics
@@ -254,6 +255,26 @@ def test_correction_history_is_the_identity_of_figure_5():
     assert (np.abs(radius) <= np.linalg.norm(difference, axis=2) + 1e-6).all()
     parts = assess.correction(np.zeros((2, 3)), difference[:, 0], source)
     np.testing.assert_allclose(parts.along**2 + parts.across**2, parts.total**2)
+
+
+def test_corrections_are_asked_for_after_tracking():
+    with pytest.raises(ValueError, match="before the end of tracking"):
+        study.correction_history(find_session("BC"), Levels(), study.Estimator("ekf"), 1, 1, np.array([36000.0]))
+
+
+def test_rarity_is_that_of_chi_square():
+    """Of normal draws the share beyond a point is the upper tail of chi-square with three degrees of freedom."""
+    draws = np.random.default_rng(4).standard_normal((20000, 3)) * [1.0, 10.0, 0.1]
+    assert assess.rarity(draws, np.array([0.0, 20.0, 0.2])) == pytest.approx(chi2.sf(8.0, 3), abs=0.006)
+    assert assess.rarity(draws, np.zeros(3)) == 1.0
+
+
+def test_columns_of_the_scans(st):
+    few = {n: r for n, r in study.standard(st[0], Levels(), 1000, 4).items() if n != "naive"}
+    columns = study.scan_columns(few)
+    np.testing.assert_array_equal(columns["scan"], [1.0, 2.0, 3.0, 4.0])
+    np.testing.assert_allclose(columns["ekf_rate_median"], np.median(np.abs(few["ekf"].scan_rate), axis=0))
+    assert (columns["prior_delay_s_16_percent"] <= columns["prior_delay_s_84_percent"]).all() and len(columns) == 13
 
 
 @compiled

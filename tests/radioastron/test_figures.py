@@ -11,7 +11,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from geokalman import style
-from geokalman.radioastron import figures, plane_figures
+from geokalman.radioastron import figures, orbit_figures, plane_figures
 from geokalman.radioastron.correlator import Plane
 from geokalman.style import METHODS
 
@@ -44,7 +44,9 @@ def line(axes, label: str):
 def test_orbit_view(theme):
     u = np.linspace(0, 2 * np.pi, 200)
     orbit = 1e8 * np.column_stack([np.cos(u) - 0.5, 0.8 * np.sin(u), 0.1 * np.sin(u)])
-    figure = figures.orbit_view(orbit, {"tracking": orbit[5:9], "observation": orbit[12:15]}, np.array([0.0, 0.6, 0.8]))
+    figure = orbit_figures.orbit_view(
+        orbit, {"tracking": orbit[5:9], "observation": orbit[12:15]}, np.array([0.0, 0.6, 0.8])
+    )
     dressed(figure, theme, "[1000 km]")
     x, y = line(figure.axes[0], "tracking").get_data()
     np.testing.assert_allclose(np.hypot(x, y), np.linalg.norm(orbit[5:9], axis=1) / 1e6)
@@ -52,7 +54,7 @@ def test_orbit_view(theme):
 
 
 def test_ground_track_is_cut_at_the_date_line(theme):
-    figure = figures.ground_track(
+    figure = orbit_figures.ground_track(
         np.array([170.0, 178.0, -174.0]), np.array([10.0, 12.0, 14.0]), {"here": (30.0, 50.0), "there": (40.0, 60.0)}
     )
     dressed(figure, theme, "longitude [deg]", "latitude [deg]")
@@ -62,7 +64,7 @@ def test_ground_track_is_cut_at_the_date_line(theme):
 
 def test_elevation(theme):
     t = np.array([36000.0, 39600.0])
-    figure = figures.elevation(
+    figure = orbit_figures.elevation(
         t,
         {"Bear Lakes": np.array([20.0, 30.0]), "Evpatoria": np.array([15.0, 16.0])},
         [(36100.0, 36200.0)],
@@ -76,16 +78,43 @@ def test_sizes_are_hollow_where_negative(theme):
     figure = figures.sizes({"a_term": -1e-3, "other": 2e-6}, "m/s", 1e-3, "noise")
     dressed(figure, theme, "[m/s]")
     axes = figure.axes[0]
-    assert axes.get_xscale() == "log" and [t.get_text() for t in axes.get_yticklabels()] == ["other", "a term"]
+    assert axes.get_xscale() == "log" and [t.get_text() for t in axes.get_yticklabels()] == ["other", "a_term"]
     first, second = axes.get_lines()[:2]
+    assert [t.get_text() for t in figure.legends[0].get_texts()] == ["noise", "positive", "negative"]
     assert first.get_xdata()[0] == 2e-6 and second.get_xdata()[0] == 1e-3 and second.get_markerfacecolor() == "none"
 
 
 def test_bars(theme):
-    figure = figures.bars({"one": {"before": 8.0, "after": 2.0}, "two": {"before": 8.0}}, "sigma [µs]")
+    rows = {"one": {"before": 8.0, "after": 2.0}, "two": {"before": 8.0}}
+    dots = figures.bars(rows, "sigma [µs]")
+    dressed(dots, theme, "[µs]")
+    assert dots.axes[0].get_xscale() == "log" and not dots.axes[0].containers
+    np.testing.assert_array_equal(line(dots.axes[0], "before").get_xdata(), [8.0, 8.0])
+    figure = figures.bars(
+        rows, "sigma [µs]", log=False, errors={"one": {"before": 0.5, "after": 0.25}, "two": {"before": 1.0}}
+    )
     dressed(figure, theme, "[µs]")
-    widths = {container.get_label(): [bar.get_width() for bar in container] for container in figure.axes[0].containers}
+    whiskers = [c.get_segments() for c in figure.axes[0].collections]
+    assert [round(float(s[:, 0].max()), 3) for s in whiskers[0]] == [8.5, 9.0]
+    widths = {
+        container.get_label(): [bar.get_width() for bar in container]
+        for container in figure.axes[0].containers
+        if hasattr(container, "patches")
+    }
     assert widths == {"before": [8.0, 8.0], "after": [2.0]}
+
+
+def test_ellipses(theme):
+    """A sphere of 2 km and one flattened along the radius: circles, then a line as wide as the sphere."""
+    sphere = np.eye(3) * 4e6
+    figure = figures.ellipses({"prior": sphere, "ekf": np.diag([1.0, 4e6, 1e6])}, np.array([0.9, 0.3, 0.3]))
+    dressed(figure, theme, "east [km]", "north [km]", "radial [km]")
+    x, y = line(figure.axes[0], "a-priori orbit").get_data()
+    np.testing.assert_allclose(np.hypot(x, y), 2.0)
+    x, y = line(figure.axes[1], "EKF").get_data()
+    assert np.abs(x).max() == pytest.approx(2.0, rel=1e-3) and np.abs(y).max() == pytest.approx(1e-3, rel=1e-2)
+    x, y = (values[1] for values in line(figure.axes[0], "to the source").get_data())
+    assert x == pytest.approx(y) and x > 0
 
 
 def test_sweep(theme):
@@ -170,6 +199,8 @@ def test_scan_snr_leaves_flagged_scans_out(theme):
     dressed(figure, theme, "scan", "SNR")
     y = line(figure.axes[0], "EKF").get_ydata()
     assert np.isnan(y[1]) and y[0] == 50.0 and y[2] == 52.0
+    band = figure.axes[0].collections[0].get_paths()[0].vertices  # of four runs, hence the range
+    assert band[:, 1].min() == 30.0
     one = plane_figures.scan_snr({"ekf": np.array([1.0, 2.0])}, {}, (), {"ekf": "filter"})
     np.testing.assert_array_equal(line(one.axes[0], "filter").get_ydata(), [1.0, 2.0])
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geokalman.radioastron import formal, simulate
+from geokalman.radioastron import formal, simulate, visibility
 from geokalman.radioastron.data import Levels
 from geokalman.radioastron.model import (
     EARTH_DIAMETER,
@@ -18,6 +18,7 @@ from geokalman.radioastron.model import (
     find_station,
     find_stations,
     nominal_state,
+    toward,
     world,
 )
 
@@ -49,12 +50,12 @@ def test_geometry(name, epochs, baseline, angle, first, last):
     assert (np.sum(arc == 0), np.sum(arc == 1)) == epochs
     g = formal.linearise(session, dynamics, (session.station,))
     source = find_source("", session)
-    assert formal.projected_baseline(g, session.telescopes[0], source) / EARTH_DIAMETER == pytest.approx(
-        baseline, abs=0.01
-    )
+    assert formal.projected_baseline(
+        dynamics, session.middle, g.middle, session.telescopes[0], source
+    ) / EARTH_DIAMETER == pytest.approx(baseline, abs=0.01)
     assert np.degrees(formal.angle_to_source(g.middle, source)) == pytest.approx(angle, abs=0.06)
     ends = session.epochs()[[0, -1]]
-    heights = np.degrees(simulate.elevations(dynamics, ends, dynamics.propagate(g.start, ends).y, session.station))
+    heights = np.degrees(visibility.elevations(dynamics, ends, dynamics.propagate(g.start, ends).y, session.station))
     np.testing.assert_allclose(heights, [first, last], atol=0.1)
 
 
@@ -73,6 +74,29 @@ def test_a_source_to_the_east():
     s = find_source("east 15", SESSIONS["ST"], position)
     assert np.degrees(np.arccos(s @ position / np.linalg.norm(position))) == pytest.approx(15.0)
     assert (s @ np.cross([0, 0, 1], position)) > 0
+
+
+def test_a_source_to_the_east_of_the_nominal_spacecraft():
+    """`toward` counts from the spacecraft at mid-observation, which `find_source` alone does not know."""
+    session = find_session("BC")
+    forces = world(session)
+    middle = forces.propagate(nominal_state(session, forces), np.array([session.first, session.middle])).r[-1, 0]
+    assert np.degrees(np.arccos(toward(session, "east 15") @ middle / np.linalg.norm(middle))) == pytest.approx(15.0)
+    np.testing.assert_array_equal(toward(session), direction(*SOURCES["0212+735"]))
+    with pytest.raises(ValueError, match="unknown"):
+        find_source("east 15", session)
+
+
+def test_ends_of_passes_of_each_station(st, state):
+    """Two stations that track in turns: each is held against its own ends."""
+    t = np.array([0.0, 10.0, 20.0, 4000.0, 4010.0]) + st[0].first
+    seen = np.array([0, 0, 0, 1, 1])
+    visibility.check_passes(st[1], t, seen, state, ("Bear Lakes", "Ussuriysk"))
+    sunk = {**STATIONS, "Antipode": tuple(-x for x in STATIONS["Bear Lakes"])}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(visibility, "STATIONS", sunk)
+        with pytest.raises(ValueError, match="above the horizon of Antipode at 517[23]2 s"):
+            visibility.check_passes(st[1], t, seen, state, ("Bear Lakes", "Antipode"))
 
 
 def test_another_place_on_the_orbit():
@@ -102,8 +126,10 @@ def test_what_is_refused(call, words):
 def test_a_spacecraft_below_the_horizon_is_refused(st, state):
     below = np.concatenate([-state[:3], state[3:]])
     with pytest.raises(ValueError, match="above the horizon of Bear Lakes"):
-        simulate.check_visible(st[1], np.array([st[0].first]), below[None], ("Bear Lakes",))
-    simulate.check_visible(st[1], np.array([st[0].first]), state[None], tuple(STATIONS))
+        visibility.check_visible(st[1], np.array([st[0].first]), below[None], ("Bear Lakes",))
+    visibility.check_visible(st[1], np.array([st[0].first]), state[None], tuple(STATIONS))
     beneath = find_session("ST", 340.0)
+    with pytest.raises(ValueError, match="choose another station, pass or mean anomaly"):
+        formal.linearise(beneath, world(beneath), ("Bear Lakes",))
     with pytest.raises(ValueError, match="choose another station, pass or mean anomaly"):
         simulate.draw(beneath, world(beneath), Levels(), ("Bear Lakes",), np.random.default_rng(1))

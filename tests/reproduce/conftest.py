@@ -21,7 +21,7 @@ LINE = (
     + r"""
 # A straight line
 
-With slope $s$, see {numref}`line`:
+With slope $s$, see {numref}`line`; its mean is [[toy/01-line:line.mean]]:
 
 $$
 y = s t

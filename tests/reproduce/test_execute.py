@@ -12,7 +12,7 @@ import nbformat
 import numpy as np
 import pytest
 
-from geokalman.reproduce import execute, notebooks, page
+from geokalman.reproduce import blocks, execute, notebooks, page
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
 
@@ -58,6 +58,8 @@ def test_executed_notebook(ran):
         and "papermill" not in notebook.metadata
         and notebook.metadata.kernelspec.name == "python3"
     )
+    assert "its mean is 6.00\u00a0m:" in notebook.cells[1].source  # a number of this run stands in its sentence
+    assert "its mean is 6.00\u00a0m:" in (folder / "page.html").read_text()
     outputs = [o for c in notebook.cells for o in c.get("outputs", [])]
     assert any("application/vnd.geokalman.figure+json" in o.get("data", {}) for o in outputs)
     injected = [c.source for c in notebook.cells if "injected-parameters" in c.metadata.get("tags", [])]
@@ -244,16 +246,19 @@ def test_prose_of_a_page(toy):
     assert "<h2>T</h2>" in found
 
 
-def test_a_runs_own_numbers_stand_in_its_prose():
+def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
     from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
-    from geokalman.reproduce import blocks
+    def filled(lenient: bool) -> str:
+        text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+        notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
+        blocks.insert_own(notebook, "p/01-a", metrics, tmp_path, lenient)
+        assert notebook.cells[1].source == text
+        return notebook.cells[0].source.replace("\xa0", " ")
 
     metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
-    text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]]."
-    notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
-    blocks.insert_own(notebook, "p/01-a", metrics, lenient=False)
-    assert notebook.cells[0].source.replace("\xa0", " ").replace("\u202f", " ") == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]]."
-    assert notebook.cells[1].source == text
-    blocks.insert_own(notebook, "p/01-a", metrics, lenient=True)
-    assert notebook.cells[0].source.replace("\xa0", " ").replace("\u202f", " ") == "It is 1.23 × 10⁻⁶ rad; –, –, [[p/02-b:other]]."
+    book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
+    book.parent.mkdir(parents=True)
+    book.write_text(json.dumps({"other": {"value": 2.0, "unit": "m"}}))
+    assert filled(lenient=False) == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
+    assert filled(lenient=True) == "It is 1.23 × 10⁻⁶ rad; –, –, 2.00 m, –."

@@ -148,7 +148,7 @@ def test_without_a_run_folder_the_record_is_interactive_and_cells_may_be_repeate
 @pytest.mark.parametrize(
     "call, sentence",
     [
-        (lambda nb: nb.record("a", float("nan")), "a = nan is not finite; say finite=False"),
+        (lambda nb: nb.record("a", float("nan")), r"a = nan is not finite: with these parameters .* \(in a notebook of your own, finite=False"),
         (lambda nb: nb.record("a", "text"), "a = 'text' is no number"),
         (lambda nb: nb.record("a", np.ones(2)), "is no number; arrays are recorded with nb.array"),
         (lambda nb: nb.record("a b", 1.0), "'a b' cannot name a record"),
@@ -261,6 +261,13 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]
     assert "Verdict" not in record["header"] and "nothing is judged" in record["caption"]
+
+
+def test_what_repeats_is_told(monkeypatch, book):
+    monkeypatch.setattr(book, "params", {"slope": 2.0, "steps": [1.0, 2.0, 1.0000001], "words": ["a", "b"]})
+    book.record("a", 1.0)
+    with pytest.raises(Fault, match=r"recorded once. steps = \[1.0, 2.0, 1.0000001\] has a value twice.$"):
+        book.record("a", 1.0)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from geokalman.airborne import corrections
 from geokalman.airborne.tables import Table
@@ -22,7 +23,10 @@ SLOWEST, FASTEST = 20.0, 150.0
 """Speeds [m/s] outside of which positions or times must be wrong."""
 ALIASED = 0.95
 """Below this correlation of f3' with the second difference of the height, f3' is aliased at this rate."""
-_NEEDED = ("t", "lat", "lon", "easting", "northing", "height", "f3")
+WILD = {"height": (200.0, "m"), "easting": (2e3, "m"), "northing": (2e3, "m"), "f3": (2e6, "mGal")}
+"""How far one value may stand from the median of its seven neighbours."""
+ROW = "row of the data"
+"""Column that carries each epoch's row in the file (the first under the header is 1), for messages."""
 
 
 class SuspiciousData(UserWarning):
@@ -32,11 +36,11 @@ class SuspiciousData(UserWarning):
 def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table]:
     """A line with its time unwrapped at midnight and increasing; exact repeats of a row are dropped.
 
-    Raises ValueError where times jump by whole seconds against the motion (leap seconds: GPS time mixed with UTC).
+    Raises ValueError where times jump by whole seconds against the motion (leap seconds: GPS time mixed with UTC), or
+    where rows are not in the order of time.
     """
     t = c["t"].copy()
-    backward = np.diff(t)
-    if np.nanmedian(backward) < 0:  # reversed rows
+    if np.nanmedian(np.diff(t)) < 0:  # reversed rows
         c, references, t = _take(c, slice(None, None, -1)), _take(references, slice(None, None, -1)), t[::-1].copy()
     for k in np.flatnonzero(np.diff(t) < -DAY / 2):
         t[k + 1 :] += DAY
@@ -53,14 +57,41 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table]:
     dt = float(np.nanmedian(step))
     moved = np.hypot(np.diff(c["easting"]), np.diff(c["northing"]))
     usual = np.nanmedian(moved)
+    even = np.abs(np.pad(step, 1, constant_values=dt) - dt) < 0.1 * dt
     for k in np.flatnonzero(np.abs(step - dt) > 0.9):
         whole = abs((step[k] - dt) - round(step[k] - dt)) < 0.01
-        if whole and abs(moved[k] - usual) < 0.3 * usual:
+        if whole and even[k] and even[k + 2] and abs(moved[k] - usual) < 0.3 * usual:
             raise ValueError(
-                f"Line {name}: the time jumps by {step[k] - dt:+.0f} s at {t[k]:.2f} s while the aircraft moves for one step; "
+                f"Line {name}: the time jumps by {step[k] - dt:+.0f} s at {t[k]:.2f} s while "
+                f"the aircraft moves for one step; "
                 "GPS time and UTC are mixed (leap seconds): use one of them."
             )
+    if (step < 0).any():
+        k = int(np.argmax(step < 0))
+        raise ValueError(
+            f"Line {name}: rows are not in the order of time, {t[k + 1]:.2f} s follows {t[k]:.2f} s"
+            f"{_at(references, k + 1)}; sort them."
+        )
     return c, references
+
+
+def wild(name: str, c: Table, references: Table) -> None:
+    """Single values that no aircraft can have: a spike, or a null written in another way. Raises ValueError."""
+    for key, (limit, unit) in WILD.items():
+        if key not in c:
+            continue
+        x = c[key]
+        finite = np.flatnonzero(np.isfinite(x))
+        gap = np.abs(x[finite] - median_filter(x[finite], 7, mode="nearest"))
+        if key == "height":  # a run of them is its own neighbourhood
+            gap = np.maximum(gap, np.where(np.abs(x[finite]) > 1e5, np.abs(x[finite]), 0.0))
+        if gap.size and gap.max() > limit:
+            k = int(finite[np.argmax(gap)])
+            raise ValueError(
+                f"Line {name}: {key} is {x[k]:g} {unit}{_at(references, k)}, "
+                f"{gap.max():.3g} {unit} away from its neighbours; "
+                "a spike, or a null in other words: leave the cell empty."
+            )
 
 
 def units(name: str, c: Table, layout: Layout) -> None:
@@ -85,18 +116,18 @@ def units(name: str, c: Table, layout: Layout) -> None:
     c["height"] = c["height"] * IN_METRES[layout.height]
 
 
-def places(name: str, c: Table) -> Table:
-    """Latitude and longitude that agree with easting and northing; swapped ones are put right, with a warning.
+def places(name: str, c: Table) -> tuple[Table, bool]:
+    """Latitude and longitude that agree with easting and northing, and whether they had to be swapped for it.
 
     Raises ValueError where neither order agrees.
     """
     if _place_misfit(c["lat"], c["lon"], c) < 0.1:
-        return c
+        return c, False
     if _place_misfit(c["lon"], c["lat"], c) < 0.1:
-        warnings.warn(f"Line {name}: latitude and longitude are swapped; put right.", SuspiciousData, stacklevel=2)
-        return {**c, "lat": c["lon"], "lon": c["lat"]}
+        return {**c, "lat": c["lon"], "lon": c["lat"]}, True
     raise ValueError(
-        f"Line {name}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} do not move as easting and northing do, "
+        f"Line {name}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} "
+        f"do not move as easting and northing do, "
         "in either order; check the columns and their units (degrees)."
     )
 
@@ -109,8 +140,16 @@ def _place_misfit(lat: np.ndarray, lon: np.ndarray, c: Table) -> float:
     return float(np.nansum(np.hypot(north - np.diff(c["northing"]), east - np.diff(c["easting"]))) / max(moved, 1e-9))
 
 
-def pieces(name: str, c: Table) -> list[slice]:
-    """Where a line is whole: it is split at gaps, at repeated epochs and at rows with a null in any needed channel.
+def complete(c: Table) -> tuple[int, str]:
+    """How many rows of a line have all channels, and in words what is missing where there are hardly any."""
+    good = np.logical_and.reduce([np.isfinite(values) for values in c.values()])
+    empty = [key for key, values in c.items() if not np.isfinite(values).any()]
+    count = int(good.sum())
+    return count, f"{' and '.join(empty)} null in all of its rows" if empty else f"only {count} complete rows"
+
+
+def pieces(name: str, c: Table, references: Table) -> tuple[list[slice], list[str]]:
+    """Where a line is whole, and in words why it is cut between: at gaps, repeated epochs, nulls in a needed channel.
 
     Raises ValueError where the step is not constant apart from gaps.
     """
@@ -118,8 +157,6 @@ def pieces(name: str, c: Table) -> list[slice]:
     for values in c.values():
         good &= np.isfinite(values)
     kept = np.flatnonzero(good)
-    if len(kept) < 3:
-        return []
     t = c["t"][kept]
     step = np.diff(t)
     dt = float(np.median(step[step > 0])) if (step > 0).any() else 0.0
@@ -128,10 +165,19 @@ def pieces(name: str, c: Table) -> list[slice]:
     if uneven.any():
         k = int(np.argmax(uneven))
         raise ValueError(
-            f"Line {name}: the step is {step[k]:.4g} s at {t[k]:.2f} s and {dt:.4g} s elsewhere; resample to a constant step."
+            f"Line {name}: the step is {step[k]:.4g} s at {t[k]:.2f} s and {dt:.4g} s elsewhere; "
+            f"resample to a constant step."
         )
+    why = []
+    for k in np.flatnonzero(cut):
+        hole = slice(kept[k] + 1, kept[k + 1])
+        null = [key for key, values in c.items() if not np.isfinite(values[hole]).all()]
+        what = f"a gap of {step[k]:g} s" if step[k] > 0 else "a repeated epoch"
+        if null:
+            what = f"{' and '.join(null)} null"
+        why.append(f"{what}{_at(references, kept[k] + 1)}")
     edges = np.concatenate([[0], np.flatnonzero(cut) + 1, [len(kept)]])
-    return [slice(int(kept[a]), int(kept[b - 1]) + 1) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(int(kept[a]), int(kept[b - 1]) + 1) for a, b in zip(edges[:-1], edges[1:], strict=True)], why
 
 
 def quality(name: str, c: Table, layout: Layout) -> None:
@@ -139,21 +185,23 @@ def quality(name: str, c: Table, layout: Layout) -> None:
     speed = np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() / (c["t"][-1] - c["t"][0])
     if not SLOWEST < speed < FASTEST:
         raise ValueError(
-            f"Line {name}: the mean speed is {speed:.1f} m/s, not between {SLOWEST:g} and {FASTEST:g}; check positions and times."
+            f"Line {name}: the mean speed is {speed:.1f} m/s, not between {SLOWEST:g} and {FASTEST:g}; "
+            f"check positions and times."
         )
     if "raw" in c and "a_up" in c:
         gap = np.abs(c["raw"] - (c["f3"] - c["a_up"]))
         if gap.max() > 0.0201:
             k = int(np.argmax(gap))
             raise ValueError(
-                f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal at {c['t'][k]:.2f} s (0.02 is rounding)."
+                f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal "
+                f"at {c['t'][k]:.2f} s (0.02 is rounding)."
             )
     _signs(name, c, layout)
 
 
 def height_correlation(f3: np.ndarray, height: np.ndarray) -> float:
     """Correlation of the vertical specific force with the second difference of the height: near 1 unless aliased."""
-    return float(np.corrcoef(_smooth(np.diff(height, 2)), _smooth(f3[1:-1]))[0, 1])
+    return float(np.corrcoef(np.diff(height, 2), f3[1:-1])[0, 1])
 
 
 def _signs(name: str, c: Table, layout: Layout) -> None:
@@ -192,11 +240,14 @@ def _signs(name: str, c: Table, layout: Layout) -> None:
 def _wrong_sign(name: str, column: str, given: np.ndarray, expected: np.ndarray) -> str:
     opposite = abs(np.mean(given + expected)) < abs(np.mean(given - expected))
     advice = "its sign is the other one" if opposite else "check its column and unit"
-    return f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for {np.mean(expected):.2f}; {advice}."
+    return (
+        f"Line {name}: {column} adds {np.mean(given):.2f} mGal on average where the positions ask for "
+        f"{np.mean(expected):.2f}; {advice}."
+    )
 
 
-def _smooth(x: np.ndarray) -> np.ndarray:
-    return np.convolve(x, [0.25, 0.5, 0.25], "valid")
+def _at(references: Table, k: int) -> str:
+    return f" at row {references[ROW][k]:.0f} of the data" if ROW in references else ""
 
 
 def _take(table: Table, rows) -> Table:

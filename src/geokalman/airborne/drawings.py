@@ -39,9 +39,11 @@ def system() -> Figure:
         axes.text(x + 1.5, 3.0, title, ha="center", va="top", weight="bold")
         for j, part in enumerate(parts):
             _box(axes, x + 0.2, 2.05 - 0.58 * j, 2.6, 0.46, part, METHODS["fb"].colour)
-        if k < 2:
-            axes.annotate("", (x + 3.38, 1.5), (x + 3.02, 1.5), arrowprops={"arrowstyle": "->", "color": ink()})
-    return _bare(figure, axes, (0, 10.4), (0, 3.4))
+    axes.annotate("", (7.0, 1.5), (6.62, 1.5), arrowprops={"arrowstyle": "->", "color": ink()})
+    axes.plot([1.7, 1.7, 8.5], [0.16, -0.15, -0.15], color=ink(), linewidth=1)
+    axes.annotate("", (8.5, 0.17), (8.5, -0.17), arrowprops={"arrowstyle": "->", "color": ink()})
+    axes.text(5.1, -0.2, "records of both are joined after the flight", ha="center", va="top", fontsize=8)
+    return _bare(figure, axes, (0, 10.4), (-0.6, 3.4))
 
 
 def chain() -> Figure:
@@ -60,14 +62,20 @@ def chain() -> Figure:
                     arrowprops={"arrowstyle": "->", "color": ink()},
                 )
         axes.text(0.12, y + 0.4, str(k + 1), va="center", weight="bold")
-    for start, end, bend in ((0, 1, 0), (1, 3, -0.3), (2, 3, -0.12), (3, 4, 0)):
-        axes.annotate(
-            "", (8.6, 5.8 - 1.15 * end), (8.6 if bend == 0 else 9.9, 5.0 - 1.15 * start + (0 if bend == 0 else 0.4)),
-            arrowprops={"arrowstyle": "->", "color": ink(), "connectionstyle": f"arc3,rad={bend}", "linestyle": "--"},
-        )  # fmt: skip
-    axes.axhline(2.52, color=METHODS["neutral"].colour, linestyle=":")
-    axes.text(0.5, 2.54, "the book begins here", fontsize=8, color=METHODS["neutral"].colour, va="bottom")
+    for start in (0, 2, 3):  # what comes out of a row goes into the next one, through the gap between them
+        gap = 4.82 - 1.15 * start
+        _path(axes, [(8.5, 4.96 - 1.15 * start), (8.5, gap), (1.9, gap), (1.9, 4.69 - 1.15 * start)])
+    _path(axes, [(9.95, 4.25), (10.2, 4.25), (10.2, 2.52), (8.5, 2.52)], head=False)  # past the row of GPS
+    axes.plot([10.2, 10.2], [0.4, 2.3], color=METHODS["fb"].colour, linewidth=1.2)
+    axes.text(10.28, 1.35, "the book begins here", fontsize=8, color=METHODS["fb"].colour, rotation=90, va="center")
     return _bare(figure, axes, (0, 10.6), (0.2, 6.0))
+
+
+def _path(axes: Axes, corners: list[tuple[float, float]], head: bool = True) -> None:
+    x, y = zip(*corners, strict=True)
+    axes.plot(x, y, color=ink(), linestyle="--", linewidth=1)
+    if head:
+        axes.annotate("", corners[-1], (x[-1], y[-1] + 0.02), arrowprops={"arrowstyle": "->", "color": ink()})
 
 
 def _box(

@@ -75,6 +75,7 @@ class Tuned:
     q_f: float
     R_m: float
     evaluations: int
+    converged: bool
 
 
 def likelihood_tuning(
@@ -101,7 +102,10 @@ def likelihood_tuning(
             )
         )
     best = found.tuning
-    return Tuned(float(errors[0]), float(errors[1]), best.L_km, best.sigma_mgal, best.q_f, best.R_m, found.evaluations)
+    return Tuned(
+        float(errors[0]), float(errors[1]), best.L_km, best.sigma_mgal, best.q_f, best.R_m, found.evaluations,
+        found.converged,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

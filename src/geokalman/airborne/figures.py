@@ -102,12 +102,12 @@ def table_one(means: Mapping[str, Array], printed: Mapping[str, float]) -> Figur
         axes.axhline(values.mean(), color=style.colour, linewidth=1)
         axes.axhline(printed[name], color=style.colour, linewidth=1.2, linestyle="--")
         axes.annotate(
-            f"printed {printed[name]}",
-            (0.995, printed[name]),
+            f"printed\n{printed[name]}",
+            (1.01, printed[name]),
             xycoords=("axes fraction", "data"),
-            ha="right",
-            va="bottom",
+            va="center",
             fontsize=8,
+            annotation_clip=False,
         )
     axes.set(xlabel="run (seed)", ylabel="mean of six RMS [mGal]", ylim=(0, None))
     axes.set_xticks(np.arange(len(next(iter(means.values())))))
@@ -144,7 +144,7 @@ def consistency(nis: Array, nees: Mapping[str, Array], bounds: Mapping[str, tupl
         right.plot(number, values, linestyle="", marker=style.marker, color=style.colour, label=style.label)
     right.axhline(1, color=ink(), linewidth=0.7)
     right.set(xlabel="line", ylabel="mean NEES of gravity", title="(b) errors", yscale="log")
-    right.legend()
+    figure.legend(*right.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
@@ -163,21 +163,31 @@ def gains(
         _plain_ticks(axis)
         axis.legend(fontsize=7)
     axes[-1].semilogx(delay[0] / 1e3, delay[1], **_line("forward"))
-    axes[-1].set(xlabel="wavelength [km]", ylabel="delay [s]", title="forward filter")
+    axes[-1].set(xlabel="wavelength [km]", ylabel="delay [s]", title="delay, forward filter")
     _plain_ticks(axes[-1])
     return figure
 
 
-def fir_scan(cutoffs: Array, scans: Mapping[str, Array], levels: Mapping[str, Mapping[str, float]]) -> Figure:
-    """Error of the FIR against its cutoff [s], one panel a preset, with the level of the filters as lines."""
+def fir_scan(
+    cutoffs: Array,
+    scans: Mapping[str, Array],
+    levels: Mapping[str, Mapping[str, float]],
+    clean: Mapping[str, Array] | None = None,
+) -> Figure:
+    """Error of the FIR against its cutoff [s], one panel a preset, with the level of the filters as lines.
+
+    clean : the same with ends that are cut instead of repeated.
+    """
     figure, axes = plt.subplots(1, len(scans), figsize=(7.2, 3.4), squeeze=False)
     looks = _looks()
     for axis, (title, values) in zip(axes[0], scans.items(), strict=True):
         axis.plot(cutoffs, values, marker="o", color=METHODS["neutral"].colour, label="FIR")
+        if clean is not None:
+            axis.plot(cutoffs, clean[title], marker="s", linestyle="", color=ink(), label="FIR, clean ends")
         for k, (name, level) in enumerate(levels[title].items()):
             axis.axhline(level, label=name, **looks[k % len(looks)])
         axis.set(xlabel="cutoff of the FIR [s]", ylabel="sd against truth [mGal]", title=title, ylim=(0, None))
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 

@@ -1,19 +1,20 @@
 """One field for a whole survey: a two-dimensional estimate from all lines at once.
 
 Gravity is a sum of plane waves on a periodic box; along each line it is a spline, doubly integrated. A Kalman filter
-without
-gravity states (dv, dh, tau3, k1 to k3, a bias) whitens these columns and z; its whitened rows are ordinary observation
-equations, to which the prior of the waves is added before one solve.
+without gravity states (dv, dh, tau3, k1 to k3, a bias) whitens these columns and z; its whitened rows are ordinary
+observation equations, to which the prior of the waves is added before one solve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from geokalman.airborne.estimate import innovation_log_likelihood
 from geokalman.airborne.model import Array, Tuning, build
 from geokalman.airborne.read import Flight
 from geokalman.kalman.whitening import whiten_columns
@@ -22,12 +23,10 @@ from geokalman.leastsquares import NormalEquations, Solution
 
 @dataclass(frozen=True)
 class Waves:
-    """Plane waves |n| <= n_max on a periodic box, their upward continuation and the prior variances of their
-    amplitudes.
+    """Plane waves |n| <= n_max on a periodic box, their upward continuation and the prior variances of amplitudes.
 
-    Variance of a wave of wave number k: sigma^2 s_1 exp(-2 k depth) / (k^2 + k_0^2)^power + fine^2 s_2 exp(-2 k
-    fine_depth),
-    k_0 = 2 pi / box, s_1 and s_2 such that the variances add up to sigma^2 and fine^2.
+    Variance of a wave of wave number k, with k_0 = 2 pi / box and s_1, s_2 such that the variances add up to sigma^2
+    and fine^2:  sigma^2 s_1 exp(-2 k depth) / (k^2 + k_0^2)^power + fine^2 s_2 exp(-2 k fine_depth).
     box, depth, fine_depth, height : [m]; sigma, fine : [mGal]; height is where the amplitudes are given.
     """
 
@@ -80,11 +79,12 @@ class Waves:
         return np.concatenate([per_wave, per_wave[self.k != 0]])
 
 
+_SETTINGS = tuple(item.name for item in fields(Waves) if item.init)
+
+
 @dataclass(frozen=True)
 class Spline:
-    """Cubic spline of a line with knots about 5 s apart: at : (m,) knots [s]; values : (n, m) at the epochs,
-    `integrated` twice.
-    """
+    """Cubic spline of a line: at : (m,) knots [s]; values : (n, m) at the epochs, `integrated` twice."""
 
     at: Array
     values: Array
@@ -100,8 +100,9 @@ class Spline:
 
 @dataclass(frozen=True)
 class LineRows:
-    """Whitened observation equations of one line, compressed to a triangle: rows (m, count) of the waves and rhs
-    (m,).
+    """Whitened observation equations of one line, compressed to a triangle: rows (m, count) of the waves, rhs (m,).
+
+    log_likelihood : of the line without any gravity, up to a constant.
     """
 
     name: str
@@ -109,13 +110,15 @@ class LineRows:
     rhs: Array
     waves: Array
     values: Array
+    log_likelihood: float
 
 
 @dataclass(frozen=True)
 class JointField:
     """The solved field: gravity along each line (name -> (n,)) [mGal], weights of the lines, amplitudes and the factor.
 
-    unweighted : gravity along the lines before noisy ones were given less weight.
+    unweighted : gravity along the lines before noisy ones were given less weight; log_likelihood : of all flight data
+    under the settings, gravity integrated out, before any weighting, up to a constant of the data.
     """
 
     waves: Waves
@@ -124,6 +127,7 @@ class JointField:
     gravity: dict[str, Array]
     unweighted: dict[str, Array]
     weights: dict[str, float]
+    log_likelihood: float
 
     def at(self, easting: Array, northing: Array, height: Array) -> Array:
         """Gravity disturbance (n,) [mGal] at other places [m]."""
@@ -154,7 +158,8 @@ def line_rows(
         for x in (flight.easting - origin[0], flight.northing - origin[1], flight.height)
     )
     at_knots = waves.rows(*place)
-    return LineRows(flight.name, triangle[:m, :m] @ at_knots, triangle[:m, m], at_knots, spline.values)
+    alone = innovation_log_likelihood(line, tuning)
+    return LineRows(flight.name, triangle[:m, :m] @ at_knots, triangle[:m, m], at_knots, spline.values, alone)
 
 
 def joint_field(
@@ -173,12 +178,19 @@ def joint_field(
     if not flights:
         raise ValueError("There are no lines to estimate a field from.")
     tuning, waves = tuning or Tuning.preset("joint"), waves or Waves()
-    origin = tuple(0.5 * (min(c.min() for c in part) + max(c.max() for c in part)) - waves.box / 2
-                   for part in ([f.easting for f in flights], [f.northing for f in flights]))  # fmt: skip
+    ends = [(min(c.min() for c in part), max(c.max() for c in part))
+            for part in ([f.easting for f in flights], [f.northing for f in flights])]  # fmt: skip
+    extent = [last - first for first, last in ends]
+    if max(extent) > waves.box:
+        raise ValueError(
+            f"box = {waves.box:g} m is smaller than the survey, {extent[0]:.0f} m from west to east and {extent[1]:.0f} m "
+            "from south to north."
+        )
+    origin = tuple(0.5 * (first + last) - waves.box / 2 for first, last in ends)
     parts = [line_rows(flight, tuning, waves, origin, lag, knots_s) for flight in flights]
     weights = np.ones(len(parts))
     solution = _solve(parts, weights, waves)
-    unweighted = _along(parts, solution)
+    unweighted, likelihood = _along(parts, solution), _log_likelihood(parts, solution, waves)
     if weigh:
         x = solution.estimate[:, 0]
         rms = np.array([np.sqrt(np.mean((part.rhs - part.rows @ x) ** 2)) for part in parts])
@@ -186,12 +198,47 @@ def joint_field(
         solution = _solve(parts, weights, waves)
     return JointField(
         waves, origin, solution, _along(parts, solution), unweighted,
-        {part.name: float(w) for part, w in zip(parts, weights, strict=True)},
+        {part.name: float(w) for part, w in zip(parts, weights, strict=True)}, likelihood,
     )  # fmt: skip
+
+
+class Compared(NamedTuple):
+    """A field with one setting changed: gravity along the lines [mGal], and the log-likelihood of the flight data."""
+
+    gravity: dict[str, Array]
+    log_likelihood: float
+
+
+def compare(
+    flights: Sequence[Flight], tuning: Tuning, waves: Waves, lag: float, changes: Sequence[Sequence[tuple[str, float]]]
+) -> list[Compared]:
+    """The same lines under changed settings, each a list of (name, value): fields of Tuning or Waves, or `lag` [s^2].
+
+    Raises ValueError for a setting that is none of these.
+    """
+    out = []
+    for change in changes:
+        of_waves = {name: value for name, value in change if name in _SETTINGS}
+        of_noise = {name: value for name, value in change if name not in _SETTINGS and name != "lag"}
+        unknown = [name for name in of_noise if not hasattr(tuning, name)]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is no setting of a Tuning or of Waves, nor lag.")
+        field = joint_field(
+            flights, replace(tuning, **of_noise), replace(waves, **of_waves), dict(change).get("lag", lag), weigh=False
+        )
+        out.append(Compared(field.unweighted, field.log_likelihood))
+    return out
 
 
 def _along(parts: Sequence[LineRows], solution: Solution) -> dict[str, Array]:
     return {part.name: part.values @ (part.waves @ solution.estimate[:, 0]) for part in parts}
+
+
+def _log_likelihood(parts: Sequence[LineRows], solution: Solution, waves: Waves) -> float:
+    """log p(z) = sum over lines without gravity + (x' b - log det N - log det of the prior covariance) / 2."""
+    gained = float(solution.estimate[:, 0] @ solution.rhs[:, 0])
+    spread = solution.log_determinant + float(np.log(waves.variances()).sum())
+    return sum(part.log_likelihood for part in parts) + 0.5 * (gained - spread)
 
 
 def _solve(parts: Sequence[LineRows], weights: Array, waves: Waves) -> Solution:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.airborne.model import Array
-from geokalman.style import DIVERGING, METHODS, SEQUENTIAL, ink
+from geokalman.style import DIVERGING, METHODS, SEQUENTIAL
 
 
 def tracks(lines: Sequence[tuple[str, Array, Array]], proper: Sequence[slice]) -> Figure:
@@ -33,7 +33,9 @@ def tracks(lines: Sequence[tuple[str, Array, Array]], proper: Sequence[slice]) -
         )
         ahead = np.sign(north[-1] - north[0])
         axes.annotate(
-            "", (east[keep][-1] / 1e3, north[keep][-1] / 1e3), (east[keep][-1] / 1e3, north[keep][-1] / 1e3 - 4 * ahead),
+            "",
+            (east[keep][-1] / 1e3, north[keep][-1] / 1e3),
+            (east[keep][-1] / 1e3, north[keep][-1] / 1e3 - 4 * ahead),
             arrowprops={"arrowstyle": "->", "color": METHODS["fb"].colour},
         )  # fmt: skip
         axes.annotate(
@@ -78,6 +80,8 @@ def along_lines(
             **span,
         )
         axis.set(xlabel="east [km]", title=title, aspect="equal")
+        if np.ptp(east) < 2.0:  # a single line
+            axis.set_xlim(np.mean(east) - 2.0, np.mean(east) + 2.0)
         figure.colorbar(points, ax=axis, orientation="horizontal", label=unit, shrink=0.9)
     axes[0, 0].set_ylabel("north [km]")
     return figure
@@ -90,7 +94,7 @@ def grids(
     symmetric: Mapping[str, bool],
     lines: Sequence[tuple[Array, Array]] = (),
 ) -> Figure:
-    """Gridded quantities (north, east) [mGal]; symmetric ones about zero; the flight lines in grey."""
+    """Gridded quantities (north, east) [mGal]; symmetric ones about zero; flight lines in black on white."""
     figure, axes = plt.subplots(1, len(panels), figsize=(7.2, 5.0), sharex=True, sharey=True, squeeze=False)
     for axis, (title, values) in zip(axes[0], panels.items(), strict=True):
         limit = np.nanmax(np.abs(values))
@@ -105,7 +109,8 @@ def grids(
             **span,
         )
         for east, north in lines:
-            axis.plot(east, north, color=ink(), linewidth=0.1, alpha=0.25)
+            axis.plot(east, north, color="white", linewidth=1.1, alpha=0.6)
+            axis.plot(east, north, color="black", linewidth=0.5)
         axis.set(xlabel="east [km]", title=title, aspect="equal")
         axis.grid(False)
         figure.colorbar(image, ax=axis, orientation="horizontal", label="mGal", shrink=0.9)

@@ -236,8 +236,8 @@ def build(line: Line, tuning: Tuning) -> Model:
     Phi[:, DV, TAU3 : K3 + 1] = first
     Phi[:, DH, TAU3 : K3 + 1] = second
     Phi[:, DV, BIAS], Phi[:, DH, BIAS] = dt, dt**2 / 2
-    variances = np.square([tuning.sd_dv * METRE, tuning.sd_dh * METRE, tuning.sd_tau3, tuning.sd_k12, tuning.sd_k12, tuning.sd_k3, tuning.sd_bias])  # fmt: skip
-    P[range(7), range(7)] = variances
+    start, errors = (tuning.sd_dv * METRE, tuning.sd_dh * METRE), (tuning.sd_tau3, tuning.sd_k12, tuning.sd_k12)
+    P[range(7), range(7)] = np.square([*start, *errors, tuning.sd_k3, tuning.sd_bias])
     P[DG : DG2 + 1, DG : DG2 + 1] = gravity_covariance(beta, tuning.sigma_mgal)
     if tuning.colour_m:
         one, noise = gauss_markov(dt, tuning.colour_s, tuning.colour_m * METRE)

@@ -102,7 +102,8 @@ SCENARIOS = {
     "paper_like": Scenario(),
     "rough": Scenario(source_km=6.0, sigma_mgal=20.0, gnss_white=0.005, gnss_colour=0.015, white=2.0, drift=0.8),
     "matched": Scenario(
-        truth="gm3", sigma_mgal=20.0, L_km=12.0, gnss_white=0.02, gnss_colour=0.0, white=8.0, drift=0.0, k3=3e-6, lead_s=0.0
+        truth="gm3", sigma_mgal=20.0, L_km=12.0, gnss_white=0.02, gnss_colour=0.0, white=8.0, drift=0.0, k3=3e-6,
+        lead_s=0.0,
     ),
 }  # fmt: skip
 
@@ -182,8 +183,8 @@ def fly(
     noise = s.white * math.sqrt(s.imu_rate) * rng.standard_normal(n)
     noise += _first_order(rng, n, dt, s.drift_s, s.drift)
     f_3 = (
-        motion.series(motion.later(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity
-    )  # true lag
+        motion.series(motion.ahead(up, s.tau3), derivative=2) / corrections.MGAL + still - turning + gravity
+    )  # tau3 > 0 of (7): early
     f_3 = (f_3 + k1 * f_1 + k2 * f_2 + noise) / (1.0 - k3)
 
     slow = slice(None, None, every)
@@ -199,8 +200,8 @@ def fly(
     line = Line(str(number), t[slow], z, f_3[slow], first, second, s.V)
     lead = round(s.lead_s * s.rate)
     truth = Truth(
-        gravity[slow], _reference(s, gravity[slow], rng), north[slow], east[slow], height[slow], v_up[slow], v_north[slow],
-        (s.tau3, k1, k2, k3), slice(lead, epochs - lead),
+        gravity[slow], _reference(s, gravity[slow], rng), north[slow], east[slow], height[slow], v_up[slow],
+        v_north[slow], (s.tau3, k1, k2, k3), slice(lead, epochs - lead),
     )  # fmt: skip
     return truth, line
 
@@ -242,8 +243,8 @@ class Motion:
             return fft.irfft(spectrum, self.size)[: self.n]
         return fft.irfft(spectrum * (2j * np.pi * self.frequency) ** derivative, self.size)[: self.n]
 
-    def later(self, spectrum: Array, seconds: float) -> Array:
-        """The spectrum of the same motion, `seconds` later."""
+    def ahead(self, spectrum: Array, seconds: float) -> Array:
+        """The spectrum of x(t + seconds): what a sensor shows that is so much early, f + tau df/dt to first order."""
         return spectrum * np.exp(2j * np.pi * self.frequency * seconds)
 
 

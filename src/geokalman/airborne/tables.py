@@ -13,6 +13,7 @@ import io
 import json
 import lzma
 import re
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO
@@ -45,11 +46,26 @@ def read_table(path: Path | str, definition: Path | str | None = None) -> Table:
     path = Path(path)
     if path.suffix.lower() == ".dat":
         return read_fixed_width(path, definition or _beside(path))
-    with open_binary(path) as stream:
-        head = stream.readline()
-    if head.startswith(_PACKED):
-        return read_packed(path)
-    return read_csv(path) if b"," in head else read_xyz(path)
+    try:
+        with open_binary(path) as stream:
+            head = stream.readline()
+        if not head.strip() and not path.stat().st_size:
+            raise ValueError(f"{path} is empty.")
+        if head.startswith(_PACKED):
+            return read_packed(path)
+        if b";" in head and b"," not in head:
+            raise ValueError(f"{path} is separated by semicolons; separate its columns by commas.")
+        return read_csv(path) if b"," in head else read_xyz(path)
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"{path} holds byte {error.object[error.start]:#04x} at {error.start}, which is no text; "
+            f"give a CSV, XYZ or DAT file, "
+            "plain or compressed by gzip or xz."
+        ) from None
+    except (EOFError, OSError, lzma.LZMAError, zlib.error) as error:
+        if isinstance(error, OSError) and error.errno is not None:  # not there, not readable: as the system says it
+            raise
+        raise ValueError(f"{path} is cut short or damaged ({str(error).rstrip('.')}); fetch it again.") from None
 
 
 def read_csv(path: Path | str) -> Table:
@@ -61,6 +77,8 @@ def read_csv(path: Path | str) -> Table:
     header = [_column(word) for word in rows[0].split(",")] if rows else []
     if not header or any(_is_number(word) for word in header):
         raise ValueError(f"{path} has no header line; the first line must name the columns.")
+    if not any(row.strip() for row in rows[1:]):
+        raise ValueError(f"{path} has a header line and no data under it.")
     try:
         values = np.loadtxt(rows[1:], delimiter=",", ndmin=2)
     except ValueError:
@@ -96,8 +114,13 @@ def read_xyz(path: Path | str) -> Table:
                 first = first or number
                 rows.append(words)
                 current.append(label)
-    if not header or not rows:
-        raise ValueError(f"{path} has no comment line that names its columns, or no data under it.")
+    if not header:
+        raise ValueError(
+            f"{path} names no columns: a CSV has commas in its header line, "
+            f"an XYZ a comment line (/ LINE X Y ...) before the data."
+        )
+    if not rows:
+        raise ValueError(f"{path} names its columns and has no data.")
     values = _numbers(rows, len(header), str(path), first)
     table = dict(zip(header, values.T.copy(), strict=True))
     if "LINE" not in table:

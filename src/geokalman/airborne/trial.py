@@ -15,14 +15,16 @@ from geokalman.airborne.read import Flight
 from geokalman.kalman.consistency import monte_carlo
 
 
+HAND_TUNED = tuple(str(100100 + 600 * j) for j in range(19)), ("102600", "104200", "106100", "107200", "109800")
+"""Kauring lines on which the preset `kauring` was compared by hand: the regular nineteen, and five more."""
+
+
 @dataclass(frozen=True)
 class Outcome:
-    """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and truth and reference to
-    judge by.
+    """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and what to judge them by.
 
     Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends
-    cut) and
-    butter<cutoff>.
+    cut) and butter<cutoff>.
     """
 
     name: str
@@ -104,9 +106,7 @@ class Judged:
         return [flight.references[method] for flight in self.flights]
 
     def sd(self, method: str, reference: str) -> Array:
-        """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN where none is
-        there.
-        """
+        """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN for no overlap."""
         return np.array(
             [np.nanstd(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
         )
@@ -120,6 +120,42 @@ class Judged:
     def _differences(self, method: str, reference: str) -> list[Array]:
         pairs = zip(self.series(method), self.series(reference), self.keep, strict=True)
         return [(ours - theirs)[keep] for ours, theirs, keep in pairs]
+
+
+def numbered(flights: Sequence[Flight], first: float, last: float, epochs: int = 800) -> list[Flight]:
+    """Flights with numbers from `first` to `last` that have at least so many epochs."""
+    return [f for f in flights if first <= f.number <= last and len(f.line.t) >= epochs]
+
+
+def sample(flights: Sequence[Flight], what: str, ends: Sequence[float], epochs: int = 800) -> list[Flight]:
+    """Flights between two line numbers, as a parameter `what` gives them. Raises ValueError where it gives none."""
+    if len(ends) != 2:
+        raise ValueError(f"{what} = {list(ends)}: two numbers are wanted, the first and the last line.")
+    found = numbered(flights, *ends, epochs)
+    if not found:
+        there = [f.number for f in flights if len(f.line.t) >= epochs]
+        known = f"they run from {min(there):g} to {max(there):g}" if there else "there is none of that length at all"
+        raise ValueError(f"{what} = {list(ends)}: no line of at least {epochs} points lies between; {known}.")
+    return found
+
+
+def unseen(flights: Sequence[Flight]) -> Array:
+    """Which of the flights no hand tuning of the preset `kauring` has seen (n,)."""
+    return np.array([f.whole not in HAND_TUNED[0] + HAND_TUNED[1] for f in flights], dtype=bool)
+
+
+def scatter(
+    flights: Sequence[Flight], values: Mapping[str, Array] | str, trim_s: float = 60.0, reference: str = "ground"
+) -> Array:
+    """Standard deviation of values minus reference about its mean, a flight at a time (n,) [mGal].
+
+    values : by the flight's name, or the name of another reference.
+    """
+    out = []
+    for f in flights:
+        ours = f.references[values] if isinstance(values, str) else values[f.name]
+        out.append((ours - f.references[reference])[assess.inner(f.line.t, trim_s)].std())
+    return np.array(out)
 
 
 def real(

@@ -7,11 +7,9 @@ state discrepancy      s^2 = d' (P + A^-1)^-1 d / n with d = least squares of th
 factor                 three-part (IGG-III of s), two-part (k0 / s), or the ratio that makes the sums agree
 
 Cost on clean data: a factor with k0 = 1.5 throws away part of a good prediction in 8.0 % of epochs (3 degrees of
-freedom; 2.8 %
-with 7), and each time the filter must converge again. What it wins: with a process noise that is far too small the
-error stays that of
-the observations instead of diverging. It cannot tell an outlier from a wrong prediction: outliers make an adaptive
-filter worse.
+freedom; 2.8 % with 7), and each time the filter must converge again. What it wins: with a process noise that is far
+too small the error stays that of the observations instead of diverging. It cannot tell an outlier from a wrong
+prediction: outliers make an adaptive filter worse.
 The unwhitened forms, kept below as `trace_factor` and `norm_ratio`, are ruled by the least accurate observation.
 """
 

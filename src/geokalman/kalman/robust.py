@@ -1,14 +1,12 @@
 """Robust estimation: weights of IGG-III and Huber, a chi-square gate, weighted updates, iterated equivalent weights.
 
 Where the weight acts decides everything. On innovations V / sqrt(S) an outlier is judged against what the filter
-predicts; on
-residuals of a single-epoch least squares it is judged against the observations of the same epoch, and an observation
-that
-carries all the information pulls the solution to itself and shows no residual (see `redundancy_numbers`).
+predicts; on residuals of a single-epoch least squares it is judged against the observations of the same epoch, and an
+observation that carries all the information pulls the solution to itself and shows no residual (see
+`redundancy_numbers`).
 
 Cost on clean data: k0 = 1.5 touches 13 % of good observations, k0 = 3 one in 370. The variance of a mean of Gaussian
-data grows
-by 4 % (Huber 1.5), 44 % (IGG-III 1.5/2.5, which throws away) and 0.5 % (IGG-III 3/8).
+data grows by 4 % (Huber 1.5), 44 % (IGG-III 1.5/2.5, which throws away) and 0.5 % (IGG-III 3/8).
 Where the dynamics are wrong, a large innovation is no outlier: never combine these weights with too small a process
 noise.
 """

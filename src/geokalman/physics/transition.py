@@ -87,13 +87,13 @@ def check_step(h: float, allow_coarse: bool = False) -> None:
     """
     if h > FORBIDDEN_STEP and not allow_coarse:
         raise ValueError(
-            f"a step of {h:g} s is too long for Markley's transition matrix, whose error of position by velocity would be seconds; "
-            f"use steps of at most {LONGEST_STEP:g} s, or allow_coarse_substeps to see what happens."
+            f"a step of {h:g} s is too long for Markley's transition matrix, whose error of position by velocity "
+            f"would be seconds; use steps of at most {LONGEST_STEP:g} s, or allow_coarse_substeps to see what happens."
         )
     if h > LONGEST_STEP:
         warnings.warn(
-            f"a step of {h:g} s is long for Markley's transition matrix: expect errors of about {2.43 * (h / 500.0) ** 2:.2g} s in "
-            "position by velocity over 500 s",
+            f"a step of {h:g} s is long for Markley's transition matrix: expect errors of about "
+            f"{2.43 * (h / 500.0) ** 2:.2g} s in position by velocity over 500 s",
             TransitionWarning,
             stacklevel=2,
         )

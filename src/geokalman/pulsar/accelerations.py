@@ -1,7 +1,8 @@
 """An EKF with three empirical accelerations: first-order Gauss-Markov processes beside position and velocity.
 
-State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + white noise of standard deviation sigma in the long run; otherwise
-as `estimate`.
+State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + w, with w so strong that a has the standard deviation sigma in the
+long run; otherwise as `estimate`. How an acceleration and its noise reach velocity and position within a substep is
+discretised exactly by van Loan's method; gravity couples them by Markley's matrix.
 """
 
 from __future__ import annotations
@@ -10,10 +11,11 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.adaptive import innovation_step
+from geokalman.kalman.discretise import van_loan
 from geokalman.kalman.linear import predict_step, update_step
 from geokalman.physics.transition import markley_step
 from geokalman.pulsar.dynamics import Force, force_point, gradient_point
-from geokalman.pulsar.estimate import Estimate
+from geokalman.pulsar.estimate import Diverged, Estimate
 from geokalman.pulsar.model import STEP, Array
 from geokalman.pulsar.observations import Observations
 
@@ -28,7 +30,7 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     start at zero.
 
     x0 (6,), P0 (6, 6) and force as for `estimate.run`; every range must be there, epochs STEP apart.
-    Raises ValueError for sigma or tau not positive and for gaps, ArithmeticError where a covariance is lost.
+    Raises ValueError for sigma or tau not positive and for gaps, Diverged where a covariance is lost.
     """
     if not (sigma > 0.0 and tau > 0.0):
         raise ValueError(
@@ -36,7 +38,8 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
         )
     if np.isnan(data.z).any() or not np.allclose(np.diff(data.t, prepend=0.0), STEP):
         raise ValueError(
-            f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; use estimate.run for others."
+            f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; "
+            "use estimate.run for others."
         )
     n, m = data.z.shape
     x, P, nis = np.zeros((n, 9)), np.zeros((n, 9, 9)), np.zeros(n)
@@ -44,7 +47,11 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     start[:6] = x0
     cov[:6, :6], cov[6:, 6:] = P0, np.diag(np.full(3, sigma**2))
     Q = np.diag(np.repeat([NOISE[0] ** 2, NOISE[1] ** 2, 0.0], 3))
-    Q_sub = np.diag(np.repeat([0.0, 0.0, sigma**2 * -np.expm1(-2.0 * STEP / STEPS / tau)], 3))
+    F, W = np.zeros((9, 9)), np.zeros((9, 9))
+    i = np.arange(3)
+    F[i, 3 + i] = F[3 + i, 6 + i] = 1.0
+    F[6 + i, 6 + i], W[6 + i, 6 + i] = -1.0 / tau, 2.0 * sigma**2 / tau
+    drift, Q_sub = van_loan(F, W, STEP / STEPS)
     H = np.zeros((m, 9))
     H[:, :3] = data.H
     failed = _loop(
@@ -55,6 +62,7 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
         start,
         cov,
         Q,
+        drift,
         Q_sub,
         tau,
         force.head,
@@ -65,11 +73,11 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
         nis,
     )
     if failed >= 0:
-        raise ArithmeticError(f"the filter with empirical accelerations lost its covariance at epoch k = {failed + 1}.")
+        raise Diverged(failed + 1, "its covariance lost its root")
     none = np.zeros((0, 6, 6))
     return Estimate(
-        data.t, np.ascontiguousarray(x[:, :6]), np.ascontiguousarray(P[:, :6, :6]), np.ones(n), np.ones((n, m)), nis, np.full(n, m),
-        np.zeros(n, bool), np.zeros((0, 6)), none, none, none,
+        data.t, np.ascontiguousarray(x[:, :6]), np.ascontiguousarray(P[:, :6, :6]), np.ones(n), np.ones((n, m)), nis,
+        np.full(n, m), np.zeros(n, bool), np.zeros((0, 6)), none, none, none,
     )  # fmt: skip
 
 
@@ -94,26 +102,21 @@ def _runge_kutta(t, y, h, tau, head, field, sun, k, stage):
 
 
 @njit(cache=True, nogil=True)
-def _loop(t, z, H, R, x0, P0, Q, Q_sub, tau, head, field, sun, x, P, nis):
+def _loop(t, z, H, R, x0, P0, Q, drift, Q_sub, tau, head, field, sun, x, P, nis):
     n, m = z.shape
-    G, short, factor = np.empty((2, 3, 3)), np.empty((6, 6)), np.zeros((9, 9))
+    G, short, factor = np.empty((2, 3, 3)), np.empty((6, 6)), drift.copy()
     k4, stage, nothing, P_pred = np.empty((4, 9)), np.empty(9), np.empty(9), np.empty((9, 9))
     S, white, V = np.empty((m, m)), np.empty(m), np.empty(m)
     now, y, before = 0.0, x0.copy(), P0.copy()
     for k in range(n):
         h = (t[k] - now) / STEPS
-        decay = np.exp(-h / tau)
         gradient_point(y[:3], head, G[0])
         for i in range(STEPS):
             _runge_kutta(now + i * h, y, h, tau, head, field, sun, k4, stage)
             gradient_point(y[:3], head, G[(i + 1) % 2])
             markley_step(G[i % 2], G[(i + 1) % 2], h, short)
             factor[:6, :6] = short
-            for j in range(3):  # velocity and position from a decaying acceleration
-                factor[3 + j, 6 + j] = tau * (1.0 - decay)
-                factor[j, 6 + j] = tau * (h - tau * (1.0 - decay))
-                factor[6 + j, 6 + j] = decay
-            predict_step(y, before, factor, Q_sub, nothing, P_pred)  # so the noise reaches velocity and position
+            predict_step(y, before, factor, Q_sub, nothing, P_pred)
             before[:] = P_pred
         x[k] = y
         P[k] = before + Q

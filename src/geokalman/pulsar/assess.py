@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import gammaincc
 
 from geokalman.kalman.consistency import nees
 from geokalman.physics import mars
-from geokalman.pulsar.estimate import Estimate
+from geokalman.pulsar.estimate import Diverged, Estimate
 from geokalman.pulsar.model import CENTURIES, Array
 from geokalman.pulsar.simulate import Flight
 
@@ -22,8 +23,8 @@ class Score(NamedTuple):
     NIS per range.
 
     early : 3-D RMS over rows 100 to 199 [m]; last : last k with a 3-D error above 1 km (0: none); fired : share of
-    epochs with a factor
-    below 1; nis is that of the forward filter.
+    epochs with a factor below 1; skipped : share of epochs whose adaptation was skipped for want of three independent
+    pulsars; nis is that of the forward filter.
     """
 
     x: float
@@ -38,6 +39,7 @@ class Score(NamedTuple):
     early: float
     last: int
     fired: float
+    skipped: float
 
 
 def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
@@ -74,19 +76,39 @@ def score(estimate: Estimate, flight: Flight, first: int = SETTLED) -> Score:
         *map(float, axes), float(rms(distance[first:])), *map(float, speed),
         float(nees(estimate.x[first:] - flight.x[first:], estimate.P[first:]).mean() / 6.0), nis,
         float(rms(distance[first : first + 100])), int(beyond[-1]) + 1 if beyond.size else 0,
-        float((estimate.alpha < 1.0).mean()),
+        float((estimate.alpha < 1.0).mean()), float(estimate.skipped.mean()),
     )  # fmt: skip
 
 
+def kept(scores: Sequence[Score | Diverged]) -> list[Score]:
+    """The runs of an ensemble that were not stopped."""
+    return [score for score in scores if isinstance(score, Score)]
+
+
+def _numbers(scores: Sequence[Score | Diverged]) -> Array:
+    """Scores as an array (runs, fields). Raises ValueError where there is none, or where one was stopped."""
+    if not scores:
+        raise ValueError("an ensemble without runs has no mean; give at least one seed.")
+    for i, score in enumerate(scores):
+        if isinstance(score, Diverged):
+            raise ValueError(f"run {i + 1} of {len(scores)} has no score: {score} Leave such runs out with `kept`.")
+    return np.array(scores, dtype=float)
+
+
 def mean(scores: Sequence[Score]) -> Score:
-    """Means over an ensemble."""
-    return Score(*np.mean(np.array(scores, dtype=float), axis=0).tolist())
+    """Means over an ensemble. Raises ValueError where a run was stopped."""
+    return Score(*_numbers(scores).mean(axis=0).tolist())
 
 
 def spread(scores: Sequence[Score]) -> Score:
-    """Standard deviations over an ensemble (n - 1); zeros for a single run."""
-    values = np.array(scores, dtype=float)
+    """Standard deviations over an ensemble (n - 1), zeros for a single run. Raises as `mean`."""
+    values = _numbers(scores)
     return Score(*(values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])).tolist())
+
+
+def false_alarm(k0: float, dof: int) -> float:
+    """Chance that s = sqrt(chi^2_dof / dof) of a good prediction exceeds k0, so that its factor falls below 1."""
+    return float(gammaincc(0.5 * dof, 0.5 * dof * k0**2))
 
 
 def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:

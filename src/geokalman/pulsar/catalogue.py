@@ -1,9 +1,8 @@
 """X-ray pulsars for navigation: Table 1, the directions to them, and the accuracy of a range from their pulses.
 
 The body of the paper's Table 1 is lost. Fluxes, pulsed fractions and widths are those tabulated after Sheikh (2005,
-thesis, University
-of Maryland); those of B1509-58 and all distances are of the same literature but less certain. Positions are rounded
-catalogue ones.
+thesis, University of Maryland); those of B1509-58 and all distances are of the same literature but less certain.
+Positions are rounded catalogue ones.
 """
 
 from __future__ import annotations
@@ -53,7 +52,8 @@ class Pulsar:
             raise ValueError(f"{self.name}: declination {self.dec:g} deg is outside [-90, 90].")
         if self.flux <= 0.0 or self.distance <= 0.0 or self.width <= 0.0:
             raise ValueError(
-                f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} must be positive."
+                f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} "
+                "must be positive."
             )
         if self.period <= self.width:
             raise ValueError(
@@ -113,8 +113,7 @@ def ranging_sigma(
     sigma = c W / (2 SNR),  SNR = F A p T / sqrt([B + F (1 - p)] A T d + F A p T),  d = W / P.
     area A [cm^2]; duration T [s]; background B [photon cm^-2 s^-1]; F flux, p pulsed fraction, W width, P period.
     Warns where the result suggests that the area is in square metres or the flux in another unit; raises ValueError
-    for a value
-    that is not positive. Source: Sheikh (2005); the paper's (14)-(16).
+    for a value that is not positive. Source: Sheikh (2005); the paper's (14)-(16).
     """
     for name, value in (("area", area), ("duration", duration), ("background", background)):
         if not (math.isfinite(value) and value > 0.0):
@@ -124,7 +123,8 @@ def ranging_sigma(
     sigma = C_LIGHT * pulsar.width / (2.0 * signal / math.sqrt(noise + signal))
     if not 1.0 <= sigma <= 1e5:
         warnings.warn(
-            f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1",
+            f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; "
+            f"area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1",
             RangingWarning,
             stacklevel=2,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -23,9 +24,8 @@ class Method:
     """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
 
     smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
-    these alone;
-    r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three accelerations
-    beside its states.
+    these alone; r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three
+    accelerations beside its states.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class Method:
 class Experiment:
     """A flight, how it is observed, and the filters that are tried on each seed.
 
-    Called with a Generator it gives label -> Score, or label -> None where the filter diverged.
+    Called with a Generator it gives label -> Score, or label -> Diverged with epoch and reason where a filter stopped.
     """
 
     mission: Mission
@@ -57,17 +57,17 @@ class Experiment:
     bias: simulate.Bias = "white"
     first: int = assess.SETTLED
 
-    def __call__(self, rng: np.random.Generator) -> dict[str, Score | None]:
+    def __call__(self, rng: np.random.Generator) -> dict[str, Score | Diverged]:
         data = simulate.observe(
             self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias
         )
         return {label: self._score(method, data) for label, method in self.methods.items()}
 
-    def _score(self, method: Method, data: simulate.Observations) -> Score | None:
+    def _score(self, method: Method, data: simulate.Observations) -> Score | Diverged:
         try:
             return assess.score(self.estimate(method, data), self.flight, self.first)
-        except Diverged:
-            return None
+        except Diverged as stopped:
+            return stopped.with_traceback(None)
 
     def estimate(self, method: Method, data: simulate.Observations) -> estimate.Estimate:
         """What a method makes of the observations. Raises Diverged."""
@@ -109,7 +109,7 @@ def experiment(
     return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
 
 
-def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> dict[str, list[Score | None]]:
+def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> dict[str, list[Score | Diverged]]:
     """Scores of each method over the seeds seed0, seed0 + 1, ...; the same whatever the number of workers (threads).
 
     Raises ValueError for no seeds or workers.
@@ -119,7 +119,7 @@ def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> d
     return over_seeds(trial, range(seed0, seed0 + n_seeds), workers)
 
 
-def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | None]]:
+def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | Diverged]]:
     """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and
     spread."""
     seeds = list(seeds)
@@ -132,6 +132,17 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
         with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
             results = monte_carlo(trial, seeds, pool)
     return {label: [result[label] for result in results] for label in trial.methods}
+
+
+def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int = 3) -> float:
+    """Processor time of a method per epoch [us], the least of `repeat` calls after one that compiles; never a gate."""
+    data = simulate.observe(trial.flight, trial.mission, trial.preset, np.random.default_rng(seed))
+    times = []
+    for _ in range(repeat + 1):
+        begun = time.process_time()
+        trial.estimate(method, data)
+        times.append(time.process_time() - begun)
+    return 1e6 * min(times[1:]) / trial.mission.epochs
 
 
 def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:

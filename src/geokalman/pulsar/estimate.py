@@ -1,8 +1,7 @@
 """The filters: EKF, two adaptive EKFs, the robust adaptive EKF, innovation weighting, UKF, and RTS smoothing.
 
 One compiled loop over the core's steps. It predicts the state by Runge-Kutta steps and the covariance by a chain of
-Markley's
-transition matrices, (8) and (9), judges the prediction, (17) to (20), and updates, (21).
+Markley's transition matrices, (8) and (9), judges the prediction, (17) to (20), and updates, (21).
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.adaptive import (
-    inflate_step, innovation_step, norm_ratio, predicted_residual, ratio_factor, state_discrepancy, three_part, trace_factor, two_part,
+    inflate_step, innovation_step, norm_ratio, predicted_residual, ratio_factor, state_discrepancy, three_part,
+    trace_factor, two_part,
 )  # fmt: skip
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
 from geokalman.kalman.linear import predict_step, update_step
@@ -57,8 +57,7 @@ class Tuning:
     substeps : of the transition matrix in 500 s; rk_step : longest step of the state [s], None for one Runge-Kutta
     step a substep.
     Raises ValueError for thresholds out of order, a floor outside (0, 1], and substeps too long for Markley's
-    matrix unless
-    allow_coarse; warns where they are long.
+    matrix unless allow_coarse; warns where they are long.
     """
 
     k0: float = 1.5
@@ -72,7 +71,8 @@ class Tuning:
         thresholds(self.k0, self.k1)
         if not 0.0 < self.floor <= 1.0:
             raise ValueError(
-                f"floor = {self.floor:g} of the adaptive factor must be above 0 (velocity is not observed in one epoch) and at most 1."
+                f"floor = {self.floor:g} of the adaptive factor must be above 0 "
+                "(velocity is not observed in one epoch) and at most 1."
             )
         if self.substeps < 1:
             raise ValueError(f"substeps = {self.substeps} must be at least 1.")
@@ -87,10 +87,9 @@ class Estimate:
     them.
 
     alpha (n,) adaptive factors; weights (n, m) of the observations, NaN where missing; nis (n,) normalised
-    innovation squared,
-    with S of the prediction before any adaptation, and observed (n,) how many ranges it counts; skipped (n,): the
-    adaptation of this epoch was
-    skipped, fewer than three independent pulsars. predicted_x, predicted_P, transition, noise: what a smoother needs.
+    innovation squared, with S of the prediction before any adaptation, and observed (n,) how many ranges it counts;
+    skipped (n,): the adaptation of this epoch was skipped, fewer than three independent pulsars. predicted_x,
+    predicted_P, transition, noise: what a smoother needs.
     """
 
     t: Array
@@ -121,9 +120,9 @@ def run(
 
     kind : a name of `KINDS`; force : what the filter believes; P0 (6, 6), R (m, m) diagonal : instead of the
     preset's and the data's.
-    Raises ValueError for an unknown kind, NotPositiveDefinite for a P0 or R that is no covariance, Diverged with
-    the epoch where the
-    position comes inside Mars, the orbit opens, or sigma or innovation exceed 1e7 m.
+    Raises ValueError for an unknown kind and an R that is not diagonal, NotPositiveDefinite for a P0 or R that is no
+    covariance, Diverged with the epoch where the position comes inside Mars, the orbit opens, or sigma or innovation
+    exceed 1e7 m.
     """
     if kind not in KINDS:
         raise ValueError(f"filter {kind!r} is unknown; the filters are {', '.join(KINDS)}.")
@@ -131,7 +130,11 @@ def run(
     n, m = data.z.shape
     x0 = array("x0", x0, 6)
     P0 = covariance("P0", preset.P0 if P0 is None else P0, 6)
-    variance = data.variance if R is None else np.diag(covariance("R", R, m)).copy()
+    if R is not None:
+        R = covariance("R", R, m)
+        if np.count_nonzero(R - np.diag(np.diag(R))):
+            raise ValueError("R has elements off its diagonal; the ranges to different pulsars must be uncorrelated.")
+    variance = data.variance if R is None else np.diag(R).copy()
     if not (variance > 0.0).all():
         raise ValueError(f"the diagonal of R is {variance.tolist()}; each element must be positive.")
     dt = np.diff(data.t, prepend=0.0)
@@ -151,14 +154,14 @@ def run(
     substep = STEP / tuning.substeps
     inner = 1 if tuning.rk_step is None else max(1, int(np.ceil(substep / tuning.rk_step - 1e-9)))
     epoch, status = filter_loop(
-        KINDS[kind], data.t, data.z, data.H, variance, x0, P0, Q, tuning.k0, tuning.k1, tuning.floor, substep, inner, c, w,
-        force.head, force.field, force.sun, x, P, x_pred, P_pred, Phi, alpha, weights, nis, observed, skipped,
+        KINDS[kind], data.t, data.z, data.H, variance, x0, P0, Q, tuning.k0, tuning.k1, tuning.floor, substep, inner,
+        c, w, force.head, force.field, force.sun, x, P, x_pred, P_pred, Phi, alpha, weights, nis, observed, skipped,
     )  # fmt: skip
     if status == 1:
         raise NotPositiveDefinite("innovation covariance", epoch, float(data.t[epoch]))
     if status:
         why = {
-            2: f"its position came inside Mars, {float(np.linalg.norm(x_pred[epoch, :3])) / 1e3:.0f} km from the centre",
+            2: f"its position came inside Mars, {np.linalg.norm(x_pred[epoch, :3]) / 1e3:.0f} km from the centre",
             3: "its orbit opened into a hyperbola",
             4: f"a position sigma exceeded {DIVERGED:g} m",
             5: f"an innovation exceeded {DIVERGED:g} m",

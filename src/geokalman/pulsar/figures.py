@@ -12,34 +12,28 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
 from geokalman.pulsar.model import Array
 from geokalman.style import METHODS, Method, ink
 
 STYLES = {
-    "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf", "ukf": "ukf",
-    "rts": "rts", "ekf_tuned": "ekf", "igg": "exact",
+    "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf",
+    "ukf": "ukf", "rts": "rts", "ekf_tuned": "ekf", "igg": "exact",
 }  # fmt: skip
 """Name of a filter -> name of its style."""
 LABELS = {
-    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)", "aekf2": "AEKF2", "raekf": "RAEKF",
-    "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q", "igg": "EKF, IGG-III on innovations",
+    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)",
+    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q",
 }  # fmt: skip
 """Name of a filter -> how it is called in figures and tables."""
 AXES = "XYZ"
 
 
 _WORDS = (
-    ("RAEKF", "raekf"),
-    ("AEKF2", "aekf2"),
-    ("AEKF1", "aekf1"),
-    ("RTS", "rts"),
-    ("UKF", "ukf"),
-    ("EKF", "ekf"),
-    ("igg", "exact"),
-    ("Huber", "exact"),
-)
+    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
+    ("Huber", "exact"), ("EKF", "ekf"),
+)  # fmt: skip
 
 
 def _style(name: str) -> Method:
@@ -48,12 +42,18 @@ def _style(name: str) -> Method:
     return METHODS[named]
 
 
-def _round_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks in plain digits on a logarithmic axis that is not long enough for powers of ten alone."""
-    steps = (1, 2, 5) if high < 12.0 * low else (1, 3)
-    ticks = [f * 10.0**k for k in range(-3, 7) for f in steps if low <= f * 10.0**k <= high]
-    axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
+    """Ticks in plain digits on a logarithmic axis, at most `room` of them: all of 1 to 9, or 1, 2, 5, or 1, 3, or 1."""
+    for steps in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
+        ticks = [f * 10.0**k for k in range(-3, 8) for f in steps if low <= f * 10.0**k <= high]
+        if len(ticks) <= room:
+            break
     axis.set_minor_locator(NullLocator())
+    if len(ticks) > 1:
+        axis.set_ticks(ticks, [f"{t:g}" for t in ticks])
+    else:  # a range too narrow for round numbers
+        axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_formatter(ScalarFormatter())
 
 
 def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
@@ -93,10 +93,13 @@ def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
 
 
 def axis_errors(
-    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0
-) -> Figure:
-    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band; zoom > 0 limits the axis to +-
-    zoom."""
+    epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0,
+    notes: Sequence[str] = ("", "", ""), mark: float | None = None,
+) -> Figure:  # fmt: skip
+    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
+
+    zoom > 0 limits the axis to +- zoom; notes stand above the panels on the right; mark: an epoch to draw a line at.
+    """
     figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
     style = METHODS["aekf1"]
     for j, panel in enumerate(panels):
@@ -112,6 +115,9 @@ def axis_errors(
         panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
         panel.axhline(0.0, color=ink(), linewidth=0.6)
         panel.set_ylabel(f"{names[j]} [{unit}]")
+        panel.set_title(notes[j], loc="right", fontsize=9)
+        if mark is not None:
+            panel.axvline(mark, color=ink(), linewidth=0.9, linestyle=":")
         if zoom:
             panel.set_ylim(-zoom, zoom)
     panels[-1].set_xlabel("epoch k, 500 s apart")
@@ -155,18 +161,24 @@ def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], pri
             yticklabels=[LABELS.get(n, n) for n in names],
         )
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        _round_ticks(panel.xaxis, *panel.get_xlim())
+        _round_ticks(panel.xaxis, *panel.get_xlim(), room=4)
     panels[0].invert_yaxis()
     return figure
 
 
 def seed_strip(
-    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None
-) -> Figure:
-    """One row for each label: a point for every seed, and their mean; marks: label -> x of a vertical line."""
+    values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None,
+    stopped: Mapping[str, int] | None = None,
+) -> Figure:  # fmt: skip
+    """One row for each label: a stroke for every seed, and their mean.
+
+    marks : label -> x of a vertical line; stopped : label -> runs without a stroke, told beside the label.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
     for k, (label, row) in enumerate(values.items()):
         style = _style(label)
+        if not len(row):
+            continue
         axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
         axes.plot(
             np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
@@ -179,11 +191,14 @@ def seed_strip(
     axes.set(
         xlabel=xlabel,
         yticks=range(len(values)),
-        yticklabels=[LABELS.get(n, n) for n in values],
+        yticklabels=[
+            LABELS.get(n, n) + (f" ({stopped[n]} stopped)" if stopped and stopped.get(n) else "") for n in values
+        ],
         ylim=(len(values) - 0.5, -0.5),
     )
     if log:
         axes.set_xscale("log")
+        _round_ticks(axes.xaxis, *axes.get_xlim())
     return figure
 
 
@@ -192,10 +207,8 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     for name, y in values.items():
         style = _style(name)
-        shade = {"aekf1_pr3": "x", "aekf1_pr2": "+"}.get(name, style.marker or "o")
-        axes.plot(
-            x, y, color=style.colour, linestyle=style.line, marker=shade, markersize=6, label=LABELS.get(name, name)
-        )
+        marker, line = {"aekf1_pr3": ("x", ":"), "aekf1_pr2": ("+", "--")}.get(name, (style.marker or "o", style.line))
+        axes.plot(x, y, color=style.colour, linestyle=line, marker=marker, markersize=6, label=LABELS.get(name, name))
     axes.set(xlabel=xlabel, ylabel=ylabel, yscale="log")
     _round_ticks(axes.yaxis, *axes.get_ylim())
     if logx:
@@ -208,7 +221,7 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
 
 
 def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
-    """3-D RMS [m] and NIS per range of the EKF against the position noise of its process noise [m]."""
+    """3-D RMS [m] and NIS/7 of the EKF against the position part of its process noise [m]; the dots: least error."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
     style = METHODS["ekf"]
     left.loglog(q, d3, color=style.colour, marker=style.marker)
@@ -217,9 +230,10 @@ def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
     _round_ticks(left.yaxis, *left.get_ylim())
     right.loglog(q, nis, color=style.colour, marker=style.marker)
     right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
-    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS per range")
+    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS / 7")
     for axes in (left, right):
-        axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":")
+        axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":", label="least error")
+    right.legend()
     return figure
 
 

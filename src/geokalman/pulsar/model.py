@@ -1,8 +1,7 @@
 """The experiment: pulsars and how well they range, the orbiter, the field it flies in, and the presets A to E.
 
 Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see
-the
-page of the paper for the source of each value. Equation numbers are the paper's.
+the page of the paper for the source of each value. Equation numbers are the paper's.
 """
 
 from __future__ import annotations
@@ -49,9 +48,8 @@ class Preset:
     """What is true and what the filter believes.
 
     mismatch : lambda of the truth, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
-    range and
-    transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white acceleration
-    q_acc [m/s^1.5];
+    range and transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white
+    acceleration q_acc [m/s^1.5];
     p0 : sigmas of initial position [m] and velocity [m/s]; error : initial error of every component [m, m/s];
     tuned : (q_pos, q_vel) of the tuned filter, or None; aekf1 : the default variant of AEKF1.
     Raises ValueError for sigmas that are not positive.

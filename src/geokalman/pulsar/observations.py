@@ -16,8 +16,8 @@ class Observations:
     """Ranges z (n, m) [m] at times t (n,) [s] after the initial state, directions H (m, 3), variances (m,) [m^2].
 
     A missing range is NaN. Raises ValueError for shapes that do not fit, epochs that do not increase or do not come
-    after the initial
-    state, an infinite range, directions that are no distinct unit vectors, and variances that are not positive.
+    after the initial state, an infinite range, directions that are no distinct unit vectors, and variances that are
+    not positive.
     """
 
     t: Array
@@ -29,12 +29,14 @@ class Observations:
         t = epochs(self.t)
         if t[0] <= 0.0:
             raise ValueError(
-                f"the first observation stands at t = {t[0]:g} s; the initial state is at 0 and observations come after it."
+                f"the first observation stands at t = {t[0]:g} s; "
+                "the initial state is at 0 and observations come after it."
             )
         m = len(require_distinct(self.H))
         if self.z.shape != (len(t), m) or self.variance.shape != (m,):
             raise ValueError(
-                f"ranges of shape {self.z.shape} and variances of shape {self.variance.shape} do not fit {len(t)} epochs of {m} pulsars."
+                f"ranges of shape {self.z.shape} and variances of shape {self.variance.shape} "
+                f"do not fit {len(t)} epochs of {m} pulsars."
             )
         bad = np.isinf(self.z).any(axis=1)
         if bad.any():

@@ -54,8 +54,8 @@ class SatelliteOrbit:
         at = seconds + (jd - self.jd) * 86400.0
         if at.min() < self.t[0] or at.max() > self.t[-1]:
             raise ValueError(
-                f"the orbit covers {self.t[0]:.0f} to {self.t[-1]:.0f} s, the events {at.min():.0f} to {at.max():.0f} s; "
-                "give the orbit file of their day."
+                f"the orbit covers {self.t[0]:.0f} to {self.t[-1]:.0f} s, "
+                f"the events {at.min():.0f} to {at.max():.0f} s; give the orbit file of their day."
             )
         return CubicHermiteSpline(self.t, self.r, self.v)(at)
 
@@ -89,7 +89,8 @@ def read_events(path: str | os.PathLike) -> Events:
     reference = str(events.header.get("TIMEREF", "")).upper()
     if reference not in ("LOCAL", "SOLARSYSTEM"):
         raise FitsError(
-            f"{path}: TIMEREF = {reference or 'missing'}; LOCAL (at the satellite) or SOLARSYSTEM (at the barycentre) is needed."
+            f"{path}: TIMEREF = {reference or 'missing'}; "
+            "LOCAL (at the satellite) or SOLARSYSTEM (at the barycentre) is needed."
         )
     time = next(v for k, v in events.columns.items() if k.upper() == "TIME")
     phase = events.columns.get("PULSE_PHASE")
@@ -138,7 +139,8 @@ def barycentred(events: Events, direction: Array, orbit: SatelliteOrbit | None, 
     """
     if not events.local:
         raise ValueError(
-            f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM); correcting them twice moves them by minutes."
+            f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM); "
+            "correcting them twice moves them by minutes."
         )
     t = events.t.copy()
     if earth:
@@ -168,7 +170,8 @@ def h_test(phase: Array) -> float:
 def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[float, float]:
     """Frequency [Hz] within half_width of `near` where Z_1^2 of the times t (n,) [s] is largest, and that Z_1^2.
 
-    Raises ValueError where the maximum stands at an end of the interval.
+    Raises ValueError where the maximum stands at an end of the interval, and where chance alone would give it in more
+    than one of a thousand searches: exp(-Z_1^2 / 2) for each of the independent frequencies, 1/T apart.
     """
     t = t - t[0]
     step = 0.1 / (t[-1] - t[0])
@@ -178,6 +181,12 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
     if k in (0, len(grid) - 1):
         raise ValueError(
             f"no pulsation within {half_width:g} Hz of {near:g} Hz: Z^2 is largest at the end of the interval."
+        )
+    chance = min(1.0, max(1.0, 2.0 * half_width * t[-1]) * np.exp(-0.5 * power[k]))
+    if chance > 1e-3:
+        raise ValueError(
+            f"no pulsation within {half_width:g} Hz of {near:g} Hz: the largest Z^2, {power[k]:.1f} at {grid[k]:.5f} "
+            f"Hz, comes by chance in {chance:.1%} of such searches."
         )
     found = minimize_scalar(
         lambda f: -z_squared(f * t)[0], bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-10}
@@ -213,6 +222,21 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
 def orbit_scale(events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array) -> Array:
     """Z_1^2 at the best frequency with the satellite's Roemer delay times each scale: (len(scales),)."""
     return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near, 1e-3)[1] for s in scales])
+
+
+def within_one(scales: Array, power: Array) -> tuple[float, float]:
+    """Where a curve of Z^2 falls one below its maximum on either side, a standard deviation; linearly interpolated.
+
+    scales, power (n,), ascending in scales. Raises ValueError where the curve does not fall so far on a side.
+    """
+    top, level = int(power.argmax()), power.max() - 1.0
+    if power[: top + 1].min() > level or power[top:].min() > level:
+        raise ValueError(f"Z^2 does not fall by one on both sides of scale {scales[top]:g}; try more scales.")
+    low = int(np.flatnonzero(power[:top] <= level)[-1])
+    high = top + int(np.flatnonzero(power[top:] <= level)[0])
+    left = np.interp(level, power[low : low + 2], scales[low : low + 2])
+    right = np.interp(-level, -power[high - 1 : high + 1], scales[high - 1 : high + 1])
+    return float(left), float(right)
 
 
 def read_par(path: str | os.PathLike) -> dict[str, str]:

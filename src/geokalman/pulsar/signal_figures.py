@@ -46,16 +46,8 @@ def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Ar
             label=f"Markley, {name}{units[name]}",
         )
     axes.loglog(steps, integrated, color=METHODS["exact"].colour, linestyle=":", marker="x", label="integrated, rv [s]")
-    axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--")
-    axes.annotate(
-        "warn",
-        (100.0, 1.0),
-        xycoords=("data", "axes fraction"),
-        textcoords="offset points",
-        xytext=(2, -10),
-        fontsize=8,
-    )
-    axes.set(xlabel="substep [s]", ylabel="largest error over 500 s")
+    axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--", label="beyond: the code warns")
+    axes.set(xlabel="substep [s]", ylabel="largest error (units: legend)")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
@@ -69,8 +61,8 @@ def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure
     for k, name in enumerate(names):
         below = k in (4,)
         axes.annotate(
-            f"{name}, {sigma[k]:.0f} m", (longitude[k], np.radians(dec[k])), textcoords="offset points", xytext=(0, -16 if below else 9),
-            fontsize=8, ha="center",
+            f"{name}, {sigma[k]:.0f} m", (longitude[k], np.radians(dec[k])), textcoords="offset points",
+            xytext=(0, -16 if below else 9), fontsize=8, ha="center",
         )  # fmt: skip
     axes.set_xticks(np.radians([-120, -60, 0, 60, 120]), ["240°", "300°", "0°", "60°", "120°"])
     axes.set(xlabel="right ascension", ylabel="declination")
@@ -83,12 +75,8 @@ def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
     for k, name in enumerate(names):
         style = METHODS[_KEYS[k % 7]]
         axes.loglog(durations, sigma[k], color=style.colour, linestyle=style.line, label=name)
-    axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--")
-    axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":")
-    axes.annotate(
-        "the paper's X error, 94.1 m", (durations[0], 94.1), textcoords="offset points", xytext=(0, -10), fontsize=8
-    )
-    axes.annotate("500 s", (500.0, sigma.min()), textcoords="offset points", xytext=(3, 0), fontsize=8)
+    axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--", label="500 s")
+    axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":", label="X error of the paper, 94.1 m")
     axes.set(xlabel="duration of an observation with 1 m² [s]", ylabel="accuracy of the range [m]")
     figure.legend(loc="outside upper center", ncols=4)
     return figure
@@ -100,8 +88,8 @@ def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) ->
     for k, ((label, values), key) in enumerate(zip(residuals.items(), ("aekf1", "exact", "ekf"), strict=False)):
         style = METHODS[key]
         axes.errorbar(
-            t / 60 + 0.4 * (k - 1), 1e3 * values, yerr=1e3 * sigma, color=style.colour, linestyle=style.line, marker=style.marker or "o",
-            capsize=3, label=label,
+            t / 60 + 0.4 * (k - 1), 1e3 * values, yerr=1e3 * sigma, color=style.colour, linestyle=style.line,
+            marker=style.marker or "o", capsize=3, label=label,
         )  # fmt: skip
     axes.axhline(0.0, color=ink(), linewidth=0.6)
     axes.set(xlabel="time after the first photon [min]", ylabel="arrival time residual [ms]")
@@ -109,14 +97,11 @@ def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) ->
     return figure
 
 
-def orbit_scale(scales: Array, power: Array) -> Figure:
-    """Z_1^2 against the scale of the satellite's orbit: the range within one of the maximum is shaded."""
+def orbit_scale(scales: Array, power: Array, within: tuple[float, float]) -> Figure:
+    """Z_1^2 against the scale of the satellite's orbit: the range `within` one of the maximum is shaded."""
     figure, axes = plt.subplots(figsize=(7.2, 3.0))
-    inside = scales[power > power.max() - 1.0]
     axes.plot(scales, power, color=METHODS["ekf"].colour)
-    axes.axvspan(
-        inside.min(), inside.max(), color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum"
-    )
+    axes.axvspan(*within, color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum")
     axes.axvline(1.0, color=ink(), linewidth=0.8, linestyle="--", label="the true orbit")
     axes.set(xlabel="scale of the orbit of RXTE", ylabel="$Z_1^2$ of all photons")
     axes.legend()
@@ -133,7 +118,7 @@ def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
         two = np.concatenate([counts, counts])
         edges = np.arange(2 * bins + 1) / bins
         style = METHODS[key]
-        panel.stairs(two, edges, color=style.colour, linewidth=1.3)
+        panel.stairs(two, edges, baseline=None, color=style.colour, linewidth=1.3)
         panel.fill_between(
             np.repeat(edges, 2)[1:-1],
             np.repeat(two - np.sqrt(two), 2),
@@ -143,6 +128,7 @@ def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
             linewidth=0,
         )
         panel.set(ylabel="photons", title=title)
+        panel.set_ylim(bottom=0.0)
         panel.title.set_ha("left")
         panel.title.set_x(0.0)
     panel.set_xlabel("pulse phase [cycles]")

@@ -72,10 +72,9 @@ def observe(
     """Ranges along the lines to the pulsars (11) with the errors of the experiment.
 
     The draws are those of all seven pulsars, whatever is observed, in this order: range noise (n, 7); transfer
-    noise (n, 7) where
-    bias is "white"; seven signs where it is "sign"; then, where there are outliers, mask, sign. `const` adds the
-    transfer error
-    as one constant, `none` leaves clock and transfer out. Outliers have `outlier_size` range sigmas.
+    noise (n, 7) where bias is "white"; seven signs where it is "sign"; then, where there are outliers, mask, sign.
+    `const` adds the transfer error as one constant, `none` leaves clock and transfer out. Outliers have
+    `outlier_size` range sigmas.
     Raises ValueError for a fraction outside [0, 1].
     """
     if not 0.0 <= outlier_fraction <= 1.0:

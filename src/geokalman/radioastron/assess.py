@@ -1,4 +1,6 @@
-"""Where truth and estimate meet: residual delay, delay rate and acceleration of the space baseline, and their statistics."""
+"""Where truth and estimate meet: residual delay, delay rate and acceleration of the space baseline, and their
+statistics.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ TEN_TIMES = 10.0
 
 
 class Residual(NamedTuple):
-    """What an orbit error does to the space baseline, (...): delay [s], its rate [s/s] and acceleration [1/s] along the source.
+    """What an orbit error does to the space baseline, (...): delay [s], its rate [s/s] and acceleration [1/s] along
+    the source.
 
     delay = dr.s/c, rate = dv.s/c, acceleration = da.s/c, geocentric (the station's side has no error here).
     """
@@ -66,7 +69,9 @@ def quantiles(values: Array) -> tuple[float, float, float]:
 
 
 class Gain(NamedTuple):
-    """How one orbit does against another over many runs: share of runs that got better, median gain, share of runs that gain 10."""
+    """How one orbit does against another over many runs: share of runs that got better, median gain, share of runs
+    that gain 10.
+    """
 
     better: float
     median: float
@@ -100,7 +105,18 @@ def correction(prior: Array, post: Array, source: Array) -> Correction:
     return Correction(np.linalg.norm(d, axis=-1), np.abs(along), np.linalg.norm(d - along[..., None] * source, axis=-1))
 
 
+def rarity(draws: Array, value: Array) -> float:
+    """Share of draws (n, k) of an error of mean zero that lie as far out as a value (k,), by their Mahalanobis
+    distance.
+    """
+    root = np.linalg.cholesky(draws.T @ draws / len(draws))
+    distances = np.sum(np.linalg.solve(root, draws.T) ** 2, axis=0)
+    return float(np.mean(distances >= np.sum(np.linalg.solve(root, value) ** 2)))
+
+
 def delay_of(difference: Array, ra: float, dec: float) -> Array:
-    """The paper's equation (Fig. 5): dtau = (dX cos(dec) cos(ra) + dY cos(dec) sin(ra) + dZ sin(dec))/c [s]; (..., 3) [m], rad."""
+    """The paper's equation (Fig. 5): dtau = (dX cos(dec) cos(ra) + dY cos(dec) sin(ra) + dZ sin(dec))/c [s]; (..., 3)
+    [m], rad.
+    """
     x, y, z = np.moveaxis(np.asarray(difference, dtype=float), -1, 0)
     return (x * np.cos(dec) * np.cos(ra) + y * np.cos(dec) * np.sin(ra) + z * np.sin(dec)) / C_LIGHT

@@ -1,4 +1,5 @@
-"""The correlator, in the visibility domain: cells over accumulation periods and channels, the fringe-rate and delay plane, its peak.
+"""The correlator, in the visibility domain: cells over accumulation periods and channels, the fringe-rate and delay
+plane, its peak.
 
     cell(i, j) = A a_i exp(2 pi i (f_RF + f_j) dtau(t_i)) + complex noise,   f_j = (j + 1/2) B/n,   A = SNR0/sqrt(cells)
     a_i = max(0, 1 - |dtau| B/n) sinc((f_RF + B/2) dtau'(t_i) T_AP)
@@ -26,9 +27,9 @@ SNR0 = 60.0
 class Setup:
     """A scan at the correlator: SI.
 
-    band "L" or "C", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT in both
-    directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an unknown band,
-    sizes that are not positive, T_AP > T; warns where n_channels is no power of two (allowed, slower).
+    band "L" or "C", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT in
+    both directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an
+    unknown band, sizes that are not positive, T_AP > T; warns where n_channels is no power of two (allowed, slower).
     """
 
     band: str = "L"
@@ -105,7 +106,8 @@ def visibilities(
     """
     if np.abs(delay).max() > setup.window:
         raise ValueError(
-            f"residual delay {np.abs(delay).max() * 1e6:.2f} us is outside the lag window of +-{setup.window * 1e6:.2f} us "
+            f"residual delay {np.abs(delay).max() * 1e6:.2f} us is outside the lag window of "
+            f"+-{setup.window * 1e6:.2f} us "
             f"({setup.n_channels} channels in {setup.bandwidth / 1e6:g} MHz); take more channels"
         )
     segment = setup.n_channels / setup.bandwidth
@@ -156,7 +158,8 @@ def find(setup: Setup, cells: Array) -> Peak:
 
 
 def polynomial(setup: Setup, delay: float, rate: float, acceleration: float) -> tuple[Array, Array]:
-    """Residual delay (periods,) [s] and rate [s/s]: delay + rate t + acceleration (t - T/2)^2/2, t from the start of the scan.
+    """Residual delay (periods,) [s] and rate [s/s]: delay + rate t + acceleration (t - T/2)^2/2, t from the start of
+    the scan.
 
     That is equation (1) of the paper with the rate counted from the start, the acceleration from the middle.
     """
@@ -194,7 +197,9 @@ def within_window(setup: Setup, rate: float, acceleration: float, steps: int = 1
 
 @dataclass(frozen=True)
 class Raw:
-    """A check with raw samples: a common signal of share rho in the noise of two stations, sampled at `bandwidth` [Hz] (complex)."""
+    """A check with raw samples: a common signal of share rho in the noise of two stations, sampled at `bandwidth`
+    [Hz] (complex).
+    """
 
     bandwidth: float = 2e6
     duration: float = 4.0
@@ -205,7 +210,9 @@ class Raw:
 
 
 class RawPeak(NamedTuple):
-    """Peak of raw samples: fringe rate [Hz], delay [s], amplitude (correlation coefficient), SNR = amplitude sqrt(samples)."""
+    """Peak of raw samples: fringe rate [Hz], delay [s], amplitude (correlation coefficient), SNR = amplitude
+    sqrt(samples).
+    """
 
     rate: float
     delay: float
@@ -214,10 +221,11 @@ class RawPeak(NamedTuple):
 
 
 def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -> RawPeak:
-    """Correlate raw samples as an FX correlator does: delay by a phase ramp, segments, FFT, cross-multiply, accumulate, search.
+    """Correlate raw samples as an FX correlator does: delay by a phase ramp, segments, FFT, cross-multiply,
+    accumulate, search.
 
-    delay [s], rate: fringe rate [Hz] injected. Expected amplitude: rho (1 - delay/segment). Raises ValueError for a delay longer
-    than a segment. Source: radioastron-orbit section 4.4.
+    delay [s], rate: fringe rate [Hz] injected. Expected amplitude: rho (1 - delay/segment). Raises ValueError for a
+    delay longer than a segment. Source: radioastron-orbit section 4.4.
     """
     n, total = setup.n_channels, round(setup.bandwidth * setup.duration)
     if abs(delay) >= n / setup.bandwidth:

@@ -31,9 +31,10 @@ def _positive(name: str, value: float) -> None:
 class Levels:
     """Noise of the data and size of the errors before: SI.
 
-    prior_position [m], prior_velocity [m/s], sigma_range [m], sigma_rate [m/s] (noise of each datum), bias ("none", "common" or
-    "per-pass") with sigmas bias_range [m] and bias_rate [m/s]; unmodelled forces: relative error of solar pressure, constant
-    acceleration [m s^-2], one impulse [m/s]. Raises ValueError for a sigma that is not positive or an unknown bias.
+    prior_position [m], prior_velocity [m/s], sigma_range [m], sigma_rate [m/s] (noise of each datum), bias ("none",
+    "common" or "per-pass") with sigmas bias_range [m] and bias_rate [m/s]; unmodelled forces: relative error of solar
+    pressure, constant acceleration [m s^-2], one impulse [m/s], each 0 where it is absent. Raises ValueError for a
+    sigma that is not positive, a force that is negative, or an unknown bias.
     """
 
     prior_position: float = 2000.0
@@ -50,6 +51,12 @@ class Levels:
     def __post_init__(self) -> None:
         for name in ("prior_position", "prior_velocity", "sigma_range", "sigma_rate", "bias_range", "bias_rate"):
             _positive(name, getattr(self, name))
+        for name in ("pressure_error", "acceleration", "impulse"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(
+                    f"{name} = {value:g} is the size of an unmodelled force; it must be finite and 0 or more"
+                )
         if self.bias not in ("none", "common", "per-pass"):
             raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass")
 
@@ -70,7 +77,9 @@ class Levels:
 
 @dataclass(frozen=True)
 class Weights:
-    """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of the biases where it estimates them."""
+    """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of the biases where it estimates
+    them.
+    """
 
     sigma_range: float = 50.0
     sigma_rate: float = 3e-3
@@ -103,12 +112,13 @@ INFLATED = Weights(50.0, 3e-3)
 class Observations:
     """What an estimator may see: two-way ranges and range-rates of one or more stations, and an a-priori state.
 
-    t (n,) reception times [s], sorted; several stations may share a time; station (n,) index into stations; arc (n,) number of the
-    pass; range (n,) half of the two-way range [m]; rate (n,) its rate [m/s], positive when receding; NaN where missing;
-    prior_mean (6,), prior_cov (6, 6) at t[0] [m, m/s].
-    Raises ValueError, one sentence each: shapes, infinities, times unsorted or doubled, an empty pass, a gap over a day, a covariance
-    that is none, a state inside the Earth or unbound, and ranges that are in km, of the whole way, or of the wrong sign.
-    Warns when there is one pass alone, which leaves the state undetermined across the line of sight.
+    t (n,) reception times [s since 0h UTC of day, a modified Julian date], sorted; several stations may share a time;
+    station (n,) index into stations; arc (n,) number of the pass; range (n,) half of the two-way range [m]; rate (n,)
+    its rate [m/s], positive when receding; NaN where missing; prior_mean (6,), prior_cov (6, 6) at t[0] [m, m/s].
+    Raises ValueError, one sentence each: shapes, infinities, times unsorted or doubled, an empty pass, a gap over a
+    day, a covariance that is none, a state inside the Earth or unbound, and ranges that are in km, of the whole way,
+    or of the wrong sign. Warns when there is one pass alone, which leaves the state undetermined across the line of
+    sight.
     """
 
     t: Array
@@ -119,6 +129,7 @@ class Observations:
     stations: tuple[str, ...]
     prior_mean: Array
     prior_cov: Array
+    day: int
 
     def __post_init__(self) -> None:
         n = len(self.t)
@@ -143,7 +154,8 @@ class Observations:
         if same.any():
             k = int(same.argmax()) + 1
             raise ValueError(
-                f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); drop the duplicate"
+                f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); "
+                "drop the duplicate"
             )
         if (step > LONGEST_GAP).any():
             k = int((step > LONGEST_GAP).argmax())
@@ -159,7 +171,8 @@ class Observations:
         self._check_rates()
         if len(np.unique(self.arc)) < 2:
             warnings.warn(
-                "one pass alone leaves the orbit undetermined across the line of sight; the a-priori state decides there",
+                "one pass alone leaves the orbit undetermined across the line of sight; "
+                "the a-priori state decides there",
                 stacklevel=3,
             )
 
@@ -178,11 +191,14 @@ class Observations:
             if abs(self.range[k] / factor - expected) <= spread:
                 hint = words
         raise ValueError(
-            f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the a-priori state: {hint}"
+            f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the "
+            f"a-priori state: {hint}"
         )
 
     def _check_rates(self) -> None:
-        """Hold the range-rates of each pass against the slope of its ranges: a sign or a link that is another shows at once."""
+        """Hold the range-rates of each pass against the slope of its ranges: a sign or a link that is another shows
+        at once.
+        """
         for arc in np.unique(self.arc):
             for station in np.unique(self.station):
                 rows = np.flatnonzero(
@@ -199,7 +215,10 @@ class Observations:
                 limit = max(RATE_DISAGREEMENT, 6.0 * spread)
                 if abs(rate - fit[1]) <= limit:
                     continue
-                where = f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with the slope {fit[1]:.4f} m/s of its ranges"
+                where = (
+                    f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with "
+                    f"the slope {fit[1]:.4f} m/s of its ranges"
+                )
                 if abs(rate + fit[1]) <= limit:
                     raise ValueError(
                         f"{where}: their sign is that of a Doppler; a range-rate is positive when receding"
@@ -210,7 +229,9 @@ class Observations:
 
 
 def check_prior(mean: Array, cov: Array) -> None:
-    """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a matrix (6, 6) that is no covariance."""
+    """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a matrix (6, 6) that is no
+    covariance.
+    """
     if mean.shape != (6,) or not np.isfinite(mean).all():
         raise ValueError(f"the a-priori state must be six finite numbers, not {np.array2string(mean, threshold=8)}")
     distance = float(np.linalg.norm(mean[:3]))

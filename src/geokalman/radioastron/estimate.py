@@ -1,7 +1,8 @@
-"""Orbits from the data: the extended filter with four kinds of transition matrix, the unscented filter, the batch with biases.
+"""Orbits from the data: the extended filter with four kinds of transition matrix, the unscented filter, the batch
+with biases.
 
-State: GCRS position and velocity [m, m/s], then, where they are estimated, a range and a range-rate bias of each station in each
-pass. Nothing here sees the truth. The estimators step by the kernels of `kalman`.
+State: GCRS position and velocity [m, m/s], then, where they are estimated, a range and a range-rate bias of each
+station in each pass. Nothing here sees the truth. The estimators step by the kernels of `kalman`.
 """
 
 from __future__ import annotations
@@ -24,9 +25,11 @@ from geokalman.physics.satellite import (
     satellite_force,
     transition_step,
 )
+from geokalman.physics.timescales import iso_utc
 from geokalman.radioastron.data import INFLATED, Observations, Weights
 from geokalman.radioastron.model import STATIONS, Array
 from geokalman.radioastron.twoway import observe_step, partials_step
+from geokalman.radioastron.visibility import check_passes
 
 Transition = Literal["integrated", "substeps", "single"]
 STEP = 30.0
@@ -41,7 +44,9 @@ _ACCEPTED = 0.01  # change of a batch estimate, in units of its sigma, at which 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases with their sigmas."""
+    """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases with their
+    sigmas.
+    """
 
     t: float
     mean: Array
@@ -59,7 +64,9 @@ class Orbit:
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """What a filter leaves at each measurement: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n, 2); the end."""
+    """What a filter leaves at each measurement: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n,
+    2); the end.
+    """
 
     t: Array
     mean: Array
@@ -91,7 +98,11 @@ def _start(data: Observations, weights: Weights) -> tuple[Array, Array, Array]:
 
 
 def _arrays(data: Observations, world: Dynamics):
+    if data.day != world.day:
+        ours, theirs = (iso_utc(day, 0.0)[:10] for day in (data.day, world.day))
+        raise ValueError(f"the data are of {ours}, the forces of {theirs}; both count seconds from 0h of one day")
     world.check_span(float(data.t[0]) - 2.0, float(data.t[-1]) + 2.0)
+    check_passes(world, data.t, data.station, data.prior_mean, data.stations)
     z = np.column_stack([data.range, data.rate])
     return (
         np.ascontiguousarray(data.t),
@@ -109,11 +120,13 @@ def extended(
     iterations: int = 1,
     process_noise: float = 0.0,
 ) -> Filtered:
-    """The extended Kalman filter of the paper, (18)-(23), the state integrated and the innovation y - h(x) (errata E1, E2).
+    """The extended Kalman filter of the paper, (18)-(23), the state integrated and the innovation y - h(x) (errata
+    E1, E2).
 
-    transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each whole interval;
-    iterations : of the update, more than 1 is the iterated filter; process_noise : density of white acceleration [m^2 s^-3].
-    Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
+    transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each
+    whole interval;
+    iterations : of the update, more than 1 is the iterated filter; process_noise : density of white acceleration [m^2
+    s^-3]. Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
     """
     if transition not in _MODES:
         raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_MODES)}")
@@ -122,8 +135,8 @@ def extended(
     n = len(t)
     mean, cov, innovations = np.empty((n, 6)), np.empty((n, 6, 6)), np.full((n, 2), np.nan)
     failed = _extended(
-        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params, _MODES[transition],
-        iterations, process_noise, STEP, mean, cov, innovations,
+        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params,
+        _MODES[transition], iterations, process_noise, STEP, mean, cov, innovations,
     )  # fmt: skip
     return _filtered(data, x, P, mean, cov, innovations, failed)
 
@@ -139,7 +152,8 @@ def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, 
     mean, cov, innovations = np.empty((n, 6)), np.empty((n, 6, 6)), np.full((n, 2), np.nan)
     c, w = spread(len(x), 1.0, 2.0, kappa)
     failed = _unscented(
-        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params, c, w, STEP, mean, cov, innovations,
+        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params, c, w, STEP,
+        mean, cov, innovations,
     )  # fmt: skip
     return _filtered(data, x, P, mean, cov, innovations, failed)
 
@@ -157,7 +171,8 @@ def _filtered(data, x, P, mean, cov, innovations, failed) -> Filtered:
 
 
 def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, longest: int = 10) -> Orbit:
-    """Least squares over all measurements with the a-priori state, iterated: the fixed-interval smoother's state at t[0].
+    """Least squares over all measurements with the a-priori state, iterated: the fixed-interval smoother's state at
+    t[0].
 
     Raises ArithmeticError where `longest` iterations do not settle.
     """
@@ -196,10 +211,13 @@ def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
 def without_outliers(
     data: Observations, world: Dynamics, weights: Weights = INFLATED, gate: float = GATE
 ) -> tuple[Observations, Array]:
-    """Take out what lies beyond `gate` sigmas of the fit of a first pass over all data: the data, and a mask (n, 2) of what went.
+    """Take out what lies beyond `gate` sigmas of the fit of a first pass over all data: the data, and a mask (n, 2)
+    of what went.
 
-    Not before: an a-priori error of 2 km makes innovations of a hundred sigmas in good data. Each residual is held against the
-    larger of its weight and the spread (median absolute) of its kind.
+    Not before: an a-priori error of 2 km makes innovations of a hundred sigmas in good data. Each residual, its
+    median taken off, is held against the smaller of its weight and the spread (1.4826 times the median absolute
+    residual) of its kind, but not against less than a thousandth of its weight: weights are often larger than the
+    noise, to make room for a bias.
     """
     residual = residuals(data, world, batch(data, world, weights))
     centred = residual - np.nanmedian(residual, axis=0)
@@ -213,7 +231,9 @@ def without_outliers(
 
 
 def literal_step(state: Array, gradient: Array, step: float) -> Array:
-    """Equations (13) and (19) as printed: X(k+1) = (I + F T) X(k), which doubles gravity and turns it round (erratum E1)."""
+    """Equations (13) and (19) as printed: X(k+1) = (I + F T) X(k), which doubles gravity and turns it round (erratum
+    E1).
+    """
     return np.concatenate([state[:3] + step * state[3:], state[3:] + step * (gradient @ state[:3])])
 
 
@@ -259,7 +279,9 @@ def _predicted(t, x, column, itrs, params, H, z):
 def _extended(
     t, station, columns, z, r_range, r_rate, x, P, itrs, params, mode, iterations, q, longest, mean, cov, innovations
 ):
-    """All measurements forward, x and P in place; returns -1, or the epoch at which a covariance is not positive definite."""
+    """All measurements forward, x and P in place; returns -1, or the epoch at which a covariance is not positive
+    definite.
+    """
     n = len(x)
     Phi, Q, x_out, P_out = np.empty((n, n)), np.zeros((n, n)), np.empty(n), np.empty((n, n))
     H, h = np.empty((2, n)), np.empty(2)

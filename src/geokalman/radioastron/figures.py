@@ -1,4 +1,5 @@
-"""Figures of the orbit, the observables, the covariances and the Monte Carlo; those of the correlator stand in `plane_figures`.
+"""Figures of the observables, the covariances and the Monte Carlo; those of the orbit stand in `orbit_figures`, those
+of the correlator in `plane_figures`.
 
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
@@ -13,113 +14,11 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from geokalman.constants import A_EARTH
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, ink
 
 US, RATE = 1e6, 1e10
 """Factors to microseconds, and to units of 1e-10 s/s."""
-
-
-def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure:
-    """The orbit (n, 3) [m] in its own plane and seen edge-on; arcs: name -> (k, 3) parts of it; source (3,) unit vector."""
-    normal = np.cross(orbit[0], orbit[len(orbit) // 8])
-    normal /= np.linalg.norm(normal)
-    perigee = orbit[np.argmin(np.linalg.norm(orbit, axis=1))]
-    x = perigee / np.linalg.norm(perigee)
-    axes = np.array([x, np.cross(normal, x), normal])
-    figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.6))
-    names = ("ekf", "batch", "prior")
-    for panel, (i, j), labels in zip(
-        panels,
-        ((0, 1), (0, 2)),
-        (("towards perigee", "along the motion"), ("towards perigee", "out of the plane")),
-        strict=True,
-    ):
-        track = orbit @ axes.T / 1e6
-        panel.plot(track[:, i], track[:, j], color=METHODS["exact"].colour, linewidth=0.9)
-        for name, (label, arc) in zip(names, arcs.items(), strict=False):
-            part = arc @ axes.T / 1e6
-            panel.plot(
-                part[:, i], part[:, j], color=METHODS[name].colour, linewidth=4, solid_capstyle="round", label=label
-            )
-        if j == 1:
-            panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["exact"].colour, linewidth=0))
-        else:
-            panel.plot(0.0, 0.0, marker="o", markersize=4, linestyle="none", color=METHODS["exact"].colour)
-        ray = np.outer([0.0, 150.0], axes @ source)
-        panel.plot(ray[:, i], ray[:, j], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
-        panel.set(
-            xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal" if j == 1 else "auto"
-        )
-    panels[1].set_title("edge-on, heights stretched", loc="left")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    return figure
-
-
-def ground_track(longitude: Array, latitude: Array, stations: Mapping[str, tuple[float, float]]) -> Figure:
-    """Ground track [deg], and stations: name -> (longitude, latitude) [deg]."""
-    figure, axes = plt.subplots(figsize=(7.2, 3.6))
-    jump = np.abs(np.diff(longitude)) > 180
-    lon, lat = (
-        np.insert(longitude, np.flatnonzero(jump) + 1, np.nan),
-        np.insert(latitude, np.flatnonzero(jump) + 1, np.nan),
-    )
-    axes.plot(lon, lat, color=METHODS["ekf"].colour, label="spacecraft")
-    axes.plot(
-        longitude[:1],
-        latitude[:1],
-        color=METHODS["ekf"].colour,
-        marker="o",
-        linestyle="none",
-        label="first measurement",
-    )
-    for k, (name, (x, y)) in enumerate(stations.items()):
-        axes.plot(
-            x,
-            y,
-            color=METHODS["prior"].colour,
-            marker="^",
-            markersize=6,
-            linestyle="none",
-            label="station" if k == 0 else None,
-        )
-        axes.annotate(name, (x, y), textcoords="offset points", xytext=(4, 3), fontsize=8)
-    axes.set(xlabel="longitude [deg]", ylabel="latitude [deg]", xlim=(-180, 180), ylim=(-90, 90))
-    axes.set_xticks(range(-180, 181, 60))
-    axes.set_yticks(range(-90, 91, 30))
-    axes.legend(loc="lower left")
-    return figure
-
-
-def elevation(
-    t: Array, heights: Mapping[str, Array], passes: Sequence[tuple[float, float]], observation: tuple[float, float]
-) -> Figure:
-    """Elevation (n,) [deg] at stations against time [s]; tracking passes and the observation are shaded."""
-    figure, axes = plt.subplots(figsize=(7.2, 3.4))
-    for name, style in zip(heights, ("ekf", "prior", "batch"), strict=False):
-        axes.plot(t / 3600, heights[name], color=METHODS[style].colour, linestyle=METHODS[style].line, label=name)
-    for k, (begin, end) in enumerate(passes):
-        axes.axvspan(
-            begin / 3600,
-            end / 3600,
-            color=METHODS["neutral"].colour,
-            alpha=0.4,
-            linewidth=0,
-            label="tracking" if k == 0 else None,
-        )
-    axes.axvspan(
-        observation[0] / 3600,
-        observation[1] / 3600,
-        color=METHODS["exact"].colour,
-        alpha=0.3,
-        linewidth=0,
-        label="observation",
-    )
-    axes.axhline(5, color=ink(), linewidth=0.8, linestyle=":")
-    axes.set(xlabel="UTC [h]", ylabel="elevation [deg]", ylim=(0, 90))
-    figure.legend(loc="outside upper center", ncols=5)
-    return figure
 
 
 def sizes(values: Mapping[str, float], unit: str, threshold: float | None = None, threshold_label: str = "") -> Figure:
@@ -140,13 +39,14 @@ def sizes(values: Mapping[str, float], unit: str, threshold: float | None = None
         )
     if threshold is not None:
         axes.axvline(threshold, color=METHODS["prior"].colour, linestyle="--", label=threshold_label)
-    axes.plot([], [], marker="o", linestyle="none", color=colour, label="positive")
     if min(values.values()) < 0:
+        axes.plot([], [], marker="o", linestyle="none", color=colour, label="positive")
         axes.plot([], [], marker="o", linestyle="none", color=colour, markerfacecolor="none", label="negative")
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    axes.set_yticks(range(len(names)), names)
     axes.set(xscale="log", xlabel=f"size [{unit}]")
     axes.grid(axis="y", alpha=0.4)
-    figure.legend(loc="outside upper center", ncols=3)
+    if axes.get_legend_handles_labels()[0]:
+        figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
@@ -155,8 +55,12 @@ def bars(
     label: str,
     log: bool = True,
     styles: Sequence[str] = ("prior", "ekf", "batch", "naive"),
+    errors: Mapping[str, Mapping[str, float]] | None = None,
 ) -> Figure:
-    """Bars side by side: row label -> (series -> value); label of the axis with its unit."""
+    """Values side by side: row label -> (series -> value); label of the axis with its unit; errors likewise, one sigma.
+
+    Bars from zero; on a logarithmic axis, where a bar has no beginning, dots.
+    """
     series = list(dict.fromkeys(name for group in groups.values() for name in group))
     width = 0.8 / len(series)
     figure, axes = plt.subplots(
@@ -165,7 +69,16 @@ def bars(
     for k, name in enumerate(series):
         place = [i + (k - 0.5 * (len(series) - 1)) * width for i, group in enumerate(groups.values()) if name in group]
         values = [group[name] for group in groups.values() if name in group]
-        axes.barh(place, values, 0.9 * width, color=METHODS[styles[k % len(styles)]].colour, label=name)
+        method = METHODS[styles[k % len(styles)]]
+        if log:
+            axes.plot(values, place, color=method.colour, marker=method.marker, linestyle="none", label=name)
+        else:
+            spread = None if errors is None else [errors[row][name] for row, group in groups.items() if name in group]
+            axes.barh(
+                place, values, 0.9 * width, xerr=spread, color=method.colour, ecolor=ink(), capsize=2, label=name,
+                error_kw={"linewidth": 0.9},
+            )  # fmt: skip
+    axes.set_axisbelow(True)
     axes.set_yticks(range(len(groups)), list(groups))
     axes.invert_yaxis()
     if log:
@@ -200,6 +113,34 @@ def sweep(scale: Array, delay: Array, rate: Array, label: str) -> Figure:
     return figure
 
 
+def ellipses(covariances: Mapping[str, Array], source: Array) -> Figure:
+    """One-sigma ellipses of the position in the plane of the sky, and seen from the side.
+
+    covariances: method of `style.METHODS` -> (3, 3) [m^2] in radial, east and north; source (3,): unit vector in the
+    same axes.
+    """
+    figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.9))
+    angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    for panel, pair, labels in (
+        (panels[0], (1, 2), ("east [km]", "north [km]")),
+        (panels[1], (1, 0), ("east [km]", "radial [km]")),
+    ):
+        for name, cov in covariances.items():
+            # the root by eigenvectors: the ellipse may be a thousand times as long as it is wide
+            values, vectors = np.linalg.eigh(cov[np.ix_(pair, pair)])
+            x, y = 1e-3 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ np.array([np.cos(angle), np.sin(angle)])
+            method = METHODS[name]
+            panel.plot(x, y, color=method.colour, linestyle=method.line, label=method.label)
+        size = 1e-3 * np.sqrt(max(np.trace(cov) for cov in covariances.values()) / 3.0)
+        ray = np.outer([0.0, size], source[list(pair)] / np.linalg.norm(source[list(pair)]))
+        panel.plot(ray[:, 0], ray[:, 1], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
+        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
+    panels[0].set_title("plane of the sky", loc="left")
+    panels[1].set_title("from the side", loc="left")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
 def plain_logarithm(axis: Axis) -> None:
     """Write the ticks of a logarithmic axis as plain numbers, and more of them where it spans less than two decades."""
     low, high = axis.get_view_interval()
@@ -220,8 +161,11 @@ def scans(
     delay: Mapping[str, Array],
     rate: Mapping[str, Array],
     printed: tuple[tuple[float, float], tuple[float, float]] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> Figure:
-    """Size of delay [s] and rate [s/s] at the scans, (runs, scans): medians and bands of 16 to 84 %; printed: (delay, rate) of both orbits."""
+    """Size of delay [s] and rate [s/s] at the scans, (runs, scans): medians and bands of 16 to 84 %; printed: (delay,
+    rate) of both orbits.
+    """
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.5))
     for panel, data, factor, unit, k in (
         (panels[0], delay, US, "|residual delay| [µs]", 0),
@@ -229,11 +173,17 @@ def scans(
     ):
         for name, runs in data.items():
             x = np.arange(1, runs.shape[1] + 1)
-            _band(panel, x, np.abs(runs), name, factor, METHODS[name].label)
+            _band(panel, x, np.abs(runs), name, factor, (labels or {}).get(name, METHODS[name].label))
         if printed is not None and np.isfinite(printed[k]).all():
-            for value, name in zip(printed[k], ("prior", "ekf"), strict=True):
-                panel.axhline(factor * value, color=METHODS[name].colour, linewidth=0.8, linestyle=":")
-            panel.plot([], [], color=ink(), linestyle=":", linewidth=0.8, label="printed")
+            for value, word in zip(printed[k], ("before", "after"), strict=True):
+                panel.axhline(factor * value, color=ink(), linewidth=1.6, linestyle=":", zorder=3)
+                panel.annotate(
+                    f"printed, {word}" if printed[k][0] != printed[k][1] else "printed",
+                    (x[0], factor * value),
+                    textcoords="offset points",
+                    xytext=(2, 2),
+                    fontsize=8,
+                )
         panel.set(xlabel="scan", ylabel=unit, yscale="log")
         panel.set_xticks(x)
         plain_logarithm(panel.yaxis)
@@ -281,8 +231,12 @@ def covariance_history(t: Array, sigmas: Array) -> Figure:
     return figure
 
 
-def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
-    """Share of runs whose gain exceeds a value, for several estimators; printed: the paper's gain."""
+def histogram(
+    gains: Mapping[str, Array], printed: float, label: str, labels: Mapping[str, str] | None = None
+) -> Figure:
+    """Share of runs whose gain exceeds a value, for several estimators; printed: the paper's gain; labels of
+    estimators.
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.5))
     for name, values in gains.items():
         x = np.sort(values)
@@ -292,7 +246,7 @@ def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
             1.0 - np.arange(len(x)) / len(x),
             color=method.colour,
             linestyle=method.line,
-            label=method.label if name != "batch" else "two stations, biases estimated",
+            label=(labels or {}).get(name, method.label),
         )
     axes.axvline(printed, color=ink(), linestyle="--", linewidth=0.8, label="printed")
     axes.set(xscale="log", xlabel=label, ylabel="share of runs that gain more", ylim=(0, 1), xlim=(0.1, 1000))
@@ -301,7 +255,9 @@ def histogram(gains: Mapping[str, Array], printed: float, label: str) -> Figure:
 
 
 def divergence(t: Array, position: Array, velocity: Array) -> Figure:
-    """Distance of the literal prediction from the integrated orbit: position [m] and velocity [m/s] against time [s]."""
+    """Distance of the literal prediction from the integrated orbit: position [m] and velocity [m/s] against time
+    [s].
+    """
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.2))
     for panel, values, unit, name in (
         (panels[0], position, "position error [m]", "prior"),
@@ -317,7 +273,8 @@ def corrections(
 ) -> Figure:
     """Figure 5: correction of the orbit, filter minus a priori, against UTC [s].
 
-    difference (runs, k, 3) and radius (runs, k) [m]; printed: axis -> range of the figure [m]; middle: the run that is drawn as a line.
+    difference (runs, k, 3) and radius (runs, k) [m]; printed: axis -> range of the figure [m]; middle: the run that
+    is drawn as a line.
     """
     figure, panels = plt.subplots(2, 2, figsize=(7.2, 5.0), sharex=True)
     for k, (panel, name) in enumerate(zip(panels.ravel(), ("dX", "dY", "dZ", "dR"), strict=True)):

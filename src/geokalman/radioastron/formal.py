@@ -1,10 +1,10 @@
-"""What a session can know: covariance of the orbit without a single measurement, with ignored biases considered, and the
-large-sample statistics of the linear problem.
+"""What a session can know: covariance of the orbit without a single measurement, with ignored biases considered, and
+the large-sample statistics of the linear problem.
 
     N = P0^-1 + sum H' R_f^-1 H,   P_f = N^-1
     P_c = P_f (P0^-1 + sum H' R_f^-1 R_t R_f^-1 H + K_b B K_b') P_f,   K_b = sum H' R_f^-1 G
-with R_f the weights of the estimator, R_t the true noise, G and B design and covariance of biases that it does not estimate.
-Source: Tapley, Schutz & Born (2004), section 6.2.
+with R_f the weights of the estimator, R_t the true noise, G and B design and covariance of biases that it does not
+estimate. Source: Tapley, Schutz & Born (2004), section 6.2.
 """
 
 from __future__ import annotations
@@ -20,15 +20,18 @@ from geokalman.constants import C_LIGHT
 from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron.data import Levels, Weights
 from geokalman.radioastron.estimate import STEP, linearise_step
-from geokalman.radioastron.model import STATIONS, Array, Session, find_source, find_stations, nominal_state
+from geokalman.radioastron.model import STATIONS, Array, Session, find_stations, nominal_state, toward
 from geokalman.radioastron.model import world as world_of
 from geokalman.radioastron.simulate import schedule
+from geokalman.radioastron.visibility import check_passes
 
 _CURVE = 300.0  # s between nodes of the spline through the transition matrix
 
 
 class Sigmas(NamedTuple):
-    """Formal standard deviations at mid-observation: delay [s], its rate [s/s], position and velocity (root of the trace) [m, m/s]."""
+    """Formal standard deviations at mid-observation: delay [s], its rate [s/s], position and velocity (root of the
+    trace) [m, m/s].
+    """
 
     delay: float
     rate: float
@@ -57,9 +60,13 @@ class Geometry:
 
 
 def linearise(session: Session, world: Dynamics, stations: tuple[str, ...]) -> Geometry:
-    """Design of all measurements of a session, every station at every epoch of both passes."""
+    """Design of all measurements of a session, every station at every epoch of both passes.
+
+    Raises ValueError where a station does not see the spacecraft at the ends of a pass.
+    """
     start = nominal_state(session, world)
     t, station, arc = schedule(session, stations)
+    check_passes(world, t, station, start, stations)
     residual, H = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
     none, itrs = np.full(len(t), -1, dtype=np.int64), np.array([STATIONS[name] for name in stations])
     linearise_step(
@@ -96,8 +103,8 @@ def _biases(count: int, range_: float, rate: float) -> Array:
 class Solution:
     """Gain and covariances of the linear estimate of the state at t[0].
 
-    gain (6, n, 2): estimate = gain . residuals; prior_gain (6, 6): what of an a-priori error stays; own (6, 6): the covariance
-    that the estimator states; consider (6, 6): the true one under the levels of the data.
+    gain (6, n, 2): estimate = gain . residuals; prior_gain (6, 6): what of an a-priori error stays; own (6, 6): the
+    covariance that the estimator states; consider (6, 6): the true one under the levels of the data.
     """
 
     gain: Array
@@ -109,7 +116,8 @@ class Solution:
 def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
     """Weigh a session's measurements as an estimator does, and say what that is worth under the true levels.
 
-    With estimate_bias one pair of biases per station and pass joins the unknowns, and biases of the data are no longer ignored.
+    With estimate_bias one pair of biases per station and pass joins the unknowns, and biases of the data are no
+    longer ignored.
     """
     w = np.array([weights.sigma_range**-2.0, weights.sigma_rate**-2.0])
     A, prior = g.H, np.diag(1.0 / np.diag(levels.prior_cov))
@@ -153,8 +161,8 @@ def evaluate(
 ) -> Evaluation:
     """One row of the table of formal sigmas; stations: none is the session's own; source as in `model.find_source`."""
     g = linearise(session, world_of(session), find_stations(stations, session))
-    solution, toward = solve(g, levels, weights), find_source(source, session, g.middle[:3])
-    return Evaluation(*(at_middle(g, P, toward) for P in (levels.prior_cov, solution.own, solution.consider)))
+    solution, direction = solve(g, levels, weights), toward(session, source)
+    return Evaluation(*(at_middle(g, P, direction) for P in (levels.prior_cov, solution.own, solution.consider)))
 
 
 def ellipsoid(P: Array) -> tuple[Array, Array]:
@@ -163,19 +171,31 @@ def ellipsoid(P: Array) -> tuple[Array, Array]:
     return np.sqrt(values), vectors
 
 
+def local_axes(position: Array) -> Array:
+    """Directions (3, 3), rows: radial, east (along z x r) and north of a position (3,)."""
+    up = position[:3] / np.linalg.norm(position[:3])
+    east = np.cross([0.0, 0.0, 1.0], up)
+    east /= np.linalg.norm(east)
+    return np.array([up, east, np.cross(up, east)])
+
+
 def angle_to_source(position: Array, source: Array) -> float:
     """Angle [rad] between the geocentric direction of the spacecraft and the source."""
     return float(np.arccos(np.clip(position[:3] @ source / np.linalg.norm(position[:3]), -1.0, 1.0)))
 
 
-def projected_baseline(g: Geometry, telescope: str, source: Array) -> float:
-    """Length [m] of the baseline from a telescope to the spacecraft as seen from the source, at mid-observation."""
-    b = g.middle[:3] - g.world.gcrs_from_itrs(g.session.middle) @ np.array(STATIONS[telescope])
+def projected_baseline(world: Dynamics, t: float, position: Array, telescope: str, source: Array) -> float:
+    """Length [m] of the baseline from a telescope to the spacecraft at position (3,) and time t [s], as seen from the
+    source.
+    """
+    b = position[:3] - world.gcrs_from_itrs(t) @ np.array(STATIONS[telescope])
     return float(np.linalg.norm(b - (b @ source) * source))
 
 
 class Sample(NamedTuple):
-    """Errors of many linear draws at mid-observation, prior and post, (draws, 6) [m, m/s]; correction = post - prior."""
+    """Errors of many linear draws at mid-observation, prior and post, (draws, 6) [m, m/s]; correction = post -
+    prior.
+    """
 
     prior: Array
     post: Array
@@ -227,7 +247,9 @@ def _from_start(g: Geometry) -> Array:
 
 
 def _force_effects(g: Geometry, levels: Levels) -> tuple[Array, Array]:
-    """Change of the orbit per unit of the solar-pressure scale and of a constant acceleration: (4, n, 6), and at the middle (4, 6)."""
+    """Change of the orbit per unit of the solar-pressure scale and of a constant acceleration: (4, n, 6), and at the
+    middle (4, 6).
+    """
     times = np.unique(np.append(g.t, g.session.middle))
     place = np.searchsorted(times, g.t)
     nominal = g.world.propagate(g.start, times).y

@@ -37,12 +37,13 @@ SOURCES: dict[str, tuple[float, float]] = {
     "2229+695": (337.6519573, 69.7744658),
     "0212+735": (34.3783891, 73.8257283),
 }
-"""Right ascension and declination (J2000) of the assumed sources [deg]: one near the printed baseline for each session."""
+"""Right ascension and declination (J2000) of the assumed sources [deg]: one near the printed baseline for each
+session.
+"""
 BANDS = {"L": 1.668e9, "C": 4.836e9}
 """Lower edge of the observing band [Hz]: 18 cm and 6.2 cm."""
 EARTH_DIAMETER = 12742e3
 """Diameter of the Earth that stands for the paper's unit of baselines [m]."""
-LOWEST_ELEVATION = math.radians(5.0)
 TT_MINUS_UTC = 67.184
 
 
@@ -131,10 +132,12 @@ SESSIONS: dict[str, Session] = {
 def find_session(name: str, mean_anomaly_deg: float | None = None, station: str | None = None) -> Session:
     """The session of a name (`ST`, or the whole code `RAES03ST`), perhaps elsewhere on its orbit.
 
+    A zero for the letter O, as the paper's text writes RAES030E, is taken for the letter (erratum E8).
+
     mean_anomaly_deg replaces the assumed place on the orbit at the session's epoch.
     Raises ValueError for an unknown session, or an epoch where TT - UTC is not the 67.184 s of these years.
     """
-    key = name.strip().upper().removeprefix("RAES03")
+    key = name.strip().upper().removeprefix("RAES03").replace("0", "O")
     if key not in SESSIONS:
         raise ValueError(f"session {name!r} is unknown; give one of {', '.join(SESSIONS)} (RAES03ST, ...)")
     session = SESSIONS[key]
@@ -166,7 +169,9 @@ def find_station(name: str) -> str:
 
 
 def find_stations(names: list[str] | tuple[str, ...], session: Session) -> tuple[str, ...]:
-    """The stations of a list of names, the session's own where it is empty. Raises ValueError for doubles and unknown ones."""
+    """The stations of a list of names, the session's own where it is empty. Raises ValueError for doubles and unknown
+    ones.
+    """
     found = tuple(find_station(name) for name in names) or (session.station,)
     if len(set(found)) < len(found):
         raise ValueError(f"stations {', '.join(found)}: one of them stands there twice")
@@ -187,7 +192,8 @@ def direction(ra_deg: float, dec_deg: float) -> Array:
 
 
 def find_source(text: str, session: Session, position: Array | None = None) -> Array:
-    """Unit vector (3,) to a source: a name of `SOURCES`, `RA, Dec` in degrees, `east N`, or the session's own where empty.
+    """Unit vector (3,) to a source: a name of `SOURCES`, `RA, Dec` in degrees, `east N`, or the session's own where
+    empty.
 
     `east 15` lies 15 degrees from the direction of the spacecraft (position (3,)), east along z x r.
     Raises ValueError for anything else; a right ascension in hours (12h30m, 12:30:00) is refused.
@@ -222,7 +228,9 @@ def check_orbit(elements: tuple[float, ...]) -> None:
 
 @functools.lru_cache(maxsize=32)
 def world(session: Session, model: ForceModel | None = None, days: float = 0.0) -> Dynamics:
-    """The dynamics of a session, from its first measurement (or epoch) to its end, or `days` after the first measurement."""
+    """The dynamics of a session, from its first measurement (or epoch) to its end, or `days` after the first
+    measurement.
+    """
     check_leap_seconds(session.day, TT_MINUS_UTC)
     first = min(session.first, session.epoch) - 3600.0
     last = max(session.observation[1], session.epoch, session.first + 86400.0 * days) + 3600.0
@@ -237,3 +245,17 @@ def nominal_state(session: Session, world: Dynamics) -> Array:
     if session.epoch == session.first:
         return state
     return world.propagate(state, np.array([session.epoch, session.first])).y[-1]
+
+
+@functools.lru_cache(maxsize=32)
+def _middle(session: Session) -> tuple[float, ...]:
+    dynamics = world(session)
+    span = np.array([session.first, session.middle])
+    return tuple(dynamics.propagate(nominal_state(session, dynamics), span).y[-1])
+
+
+def toward(session: Session, text: str = "") -> Array:
+    """Unit vector (3,) to the source of `find_source`, `east N` counted from the nominal spacecraft at
+    mid-observation.
+    """
+    return find_source(text, session, np.array(_middle(session)[:3]))

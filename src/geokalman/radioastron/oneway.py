@@ -1,7 +1,8 @@
 """One-way Doppler (29) and light time (30) of the paper, term by term and each switchable, beside their rigorous forms.
 
-The Doppler is that of the on-board maser received on the ground, V = c (f_received/f_emitted - 1) [m/s]: minus the range-rate of the
-one-way link, plus what clocks and gravity add. The state (6,), acceleration (3,) and station are those at reception.
+The Doppler is that of the on-board maser received on the ground, V = c (f_received/f_emitted - 1) [m/s]: minus the
+range-rate of the one-way link, plus what clocks and gravity add. The state (6,), acceleration (3,) and station are
+those at reception.
 """
 
 from __future__ import annotations
@@ -18,13 +19,17 @@ from geokalman.radioastron.model import Array
 J2 = 1.0826266835531513e-3
 """Second zonal harmonic of EGM96."""
 GEOMETRIC = ("line-of-sight", "retardation", "station-motion", "second-order", "second-order-missing")
-"""Terms of (29) that make up the geometric Doppler, with the half of v^2/c that the printed sum takes away as time dilation."""
+"""Terms of (29) that make up the geometric Doppler, with the half of v^2/c that the printed sum takes away as time
+dilation.
+"""
 
 
 def doppler_terms(state: Array, a: Array, station: Array, station_velocity: Array, moon: Array) -> dict[str, float]:
-    """The terms of (29) [m/s], and `second-order-missing`, +v^2/2c, which turns the printed half into the geometric whole.
+    """The terms of (29) [m/s], and `second-order-missing`, +v^2/2c, which turns the printed half into the geometric
+    whole.
 
-    state (6,) [m, m/s], a (3,) [m s^-2], station and its velocity (3,), geocentric Moon (3,), all in the GCRS at reception.
+    state (6,) [m, m/s], a (3,) [m s^-2], station and its velocity (3,), geocentric Moon (3,), all in the GCRS at
+    reception.
     """
     r, v = state[:3], state[3:]
     D = r - station
@@ -53,7 +58,9 @@ def doppler(terms: dict[str, float], switched_on: Collection[str] | None = None)
 
 
 def light_time_terms(state: Array, a: Array, station: Array) -> dict[str, float]:
-    """The terms of (30) times c [m], and `acceleration-missing`, which the paper leaves out; arguments as `doppler_terms`."""
+    """The terms of (30) times c [m], and `acceleration-missing`, which the paper leaves out; arguments as
+    `doppler_terms`.
+    """
     r, v = state[:3], state[3:]
     D = r - station
     distance, radius = float(np.linalg.norm(D)), float(np.linalg.norm(r))
@@ -98,7 +105,8 @@ def rigorous_doppler(
 ) -> float:
     """Geometric one-way Doppler [m/s], minus the exact derivative of the range with respect to reception time.
 
-    rate = n.(v(t2) - v0)/(1 + n.v(t2)/c), n from the station to the point of emission; jerk (3,) [m s^-3] where it is known.
+    rate = n.(v(t2) - v0)/(1 + n.v(t2)/c), n from the station to the point of emission; jerk (3,) [m s^-3] where it is
+    known.
     """
     tau = rigorous_light_time(state, a, station, with_shapiro=False)
     at, v = state[:3] - state[3:] * tau + 0.5 * a * tau**2, state[3:] - a * tau

@@ -1,17 +1,19 @@
-"""The simulated session: a true orbit with forces that no filter knows, and the ranges and range-rates of its stations."""
+"""The simulated session: a true orbit with forces that no filter knows, and the ranges and range-rates of its
+stations.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import erfa
 import numpy as np
 from numba import njit
 
 from geokalman.physics.satellite import Dynamics, satellite_force
 from geokalman.radioastron.data import Levels, Observations
-from geokalman.radioastron.model import LOWEST_ELEVATION, STATIONS, Array, Session, nominal_state
+from geokalman.radioastron.model import STATIONS, Array, Session, nominal_state
 from geokalman.radioastron.twoway import observe_step
+from geokalman.radioastron.visibility import check_passes
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,45 +49,25 @@ def _states(world: Dynamics, t0: float, state: Array, t: Array) -> Array:
 
 
 @njit(cache=True)
-def _observe(t, states, station, itrs, params, z):
+def _observe(t, states, station, itrs, params, shapiro, z):
     a = np.empty(3)
     for k in range(len(t)):
         satellite_force(t[k], states[k], params, a)
-        observe_step(t[k], states[k], a, itrs[station[k]], params, True, z[k])
+        observe_step(t[k], states[k], a, itrs[station[k]], params, shapiro, z[k])
 
 
-def observe(world: Dynamics, t: Array, states: Array, station: Array, stations: tuple[str, ...]) -> Array:
-    """Two-way ranges [m] and range-rates [m/s] without noise, (n, 2), of states (n, 6) at reception times t (n,) [s]."""
+def observe(
+    world: Dynamics, t: Array, states: Array, station: Array, stations: tuple[str, ...], shapiro: bool = True
+) -> Array:
+    """Two-way ranges [m] and range-rates [m/s] without noise, (n, 2), of states (n, 6) at reception times t (n,) [s].
+
+    shapiro : with the delay of light in the field of the Earth, or without.
+    """
     z = np.empty((len(t), 2))
     itrs = np.array([STATIONS[name] for name in stations])
-    _observe(
-        np.ascontiguousarray(t), np.ascontiguousarray(states), np.ascontiguousarray(station), itrs, world.params, z
-    )
+    t, states, station = (np.ascontiguousarray(x) for x in (t, states, station))
+    _observe(t, states, station, itrs, world.params, shapiro, z)
     return z
-
-
-def elevations(world: Dynamics, t: Array, states: Array, station: str) -> Array:
-    """Elevation (n,) [rad] above the plane normal to the ellipsoid's vertical at a station."""
-    itrs = np.array(STATIONS[station])
-    lon, lat, _ = erfa.gc2gd(1, itrs)
-    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    out = np.empty(len(t))
-    for k, time in enumerate(t):
-        D = world.gcrs_from_itrs(time).T @ states[k, :3] - itrs
-        out[k] = np.arcsin(D @ up / np.linalg.norm(D))
-    return out
-
-
-def check_visible(world: Dynamics, t: Array, states: Array, stations: tuple[str, ...]) -> None:
-    """Raise ValueError where the spacecraft stands lower than 5 degrees above the horizon of a station, naming both."""
-    for name in stations:
-        height = elevations(world, t, states, name)
-        if (height < LOWEST_ELEVATION).any():
-            k = int(height.argmin())
-            raise ValueError(
-                f"the spacecraft stands {np.degrees(height[k]):.1f} deg above the horizon of {name} at {t[k]:g} s; "
-                "no link below 5 deg: choose another station, pass or mean anomaly"
-            )
 
 
 def schedule(session: Session, stations: tuple[str, ...], interval: float = 10.0) -> tuple[Array, Array, Array]:
@@ -106,23 +88,24 @@ def draw(
 ) -> tuple[Truth, Observations]:
     """One realisation of a session: the truth, and the data that an estimator may see.
 
-    Truth: the nominal state, solar pressure with a relative error, a constant acceleration and one impulse in random directions
-    that the estimators do not know. Data: noise and station biases, the same in both passes ("common") or drawn for each.
-    Raises ValueError where a station does not see the spacecraft at the ends of a pass.
+    Truth: the nominal state, solar pressure with a relative error, a constant acceleration and one impulse in random
+    directions that the estimators do not know. Data: noise and station biases, the same in both passes ("common") or
+    drawn for each. Raises ValueError where a station does not see the spacecraft at the ends of a pass.
     """
     state = nominal_state(session, world)
-    ends = np.array(session.passes).ravel()
-    check_visible(world, ends, _states(world, session.first, state, ends), stations)
+    t, station, arc = schedule(session, stations)
+    check_passes(world, t, station, state, stations)
     forces = world.with_changes(
         1.0 + levels.pressure_error * rng.standard_normal(), levels.acceleration * isotropic(rng)
     )
     impulse_time = rng.uniform(session.first, session.observation[1])
     truth = Truth(forces, session.first, state, levels.impulse * isotropic(rng), impulse_time)
-    t, station, arc = schedule(session, stations)
     z = observe(forces, t, truth.states(t), station, stations)
     z += rng.standard_normal(z.shape) * (levels.sigma_range, levels.sigma_rate)
     if levels.bias != "none":
         bias = rng.standard_normal((len(stations), len(session.passes), 2)) * (levels.bias_range, levels.bias_rate)
         z += bias[station, arc if levels.bias == "per-pass" else 0]
     error = rng.standard_normal(6) * np.sqrt(np.diag(levels.prior_cov))
-    return truth, Observations(t, station, arc, z[:, 0], z[:, 1], stations, state + error, levels.prior_cov)
+    return truth, Observations(
+        t, station, arc, z[:, 0], z[:, 1], stations, state + error, levels.prior_cov, session.day
+    )

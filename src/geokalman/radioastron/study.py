@@ -1,4 +1,6 @@
-"""Monte Carlo of a session: draw a truth and its data, estimate the orbit in several ways, look at it when the telescope does."""
+"""Monte Carlo of a session: draw a truth and its data, estimate the orbit in several ways, look at it when the
+telescope does.
+"""
 
 from __future__ import annotations
 
@@ -17,12 +19,14 @@ from geokalman.radioastron.correlator import Setup, scan_snr
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Observations, Weights
 from geokalman.radioastron.formal import Sample, linearise
 from geokalman.radioastron.formal import large_sample as formal_sample
-from geokalman.radioastron.model import BANDS, Array, Session, find_source, find_stations, world
+from geokalman.radioastron.model import BANDS, Array, Session, find_stations, toward, world
 from geokalman.radioastron.simulate import draw
 
 
 class Estimator(NamedTuple):
-    """A way to an orbit: prior, ekf, ekf-substeps, ekf-single, iterated, ukf or batch; the weights; process noise [m^2 s^-3]."""
+    """A way to an orbit: prior, ekf, ekf-substeps, ekf-single, iterated, ukf or batch; the weights; process noise
+    [m^2 s^-3].
+    """
 
     method: str
     weights: Weights = INFLATED
@@ -50,7 +54,9 @@ ALL: dict[str, Estimator] = STANDARD | {
 
 @dataclass(frozen=True)
 class Case:
-    """What is repeated: session, stations (none: its own), levels, estimators by name, source (text as in `find_source`)."""
+    """What is repeated: session, stations (none: its own), levels, estimators by name, source (text as in
+    `find_source`).
+    """
 
     session: Session
     levels: Levels
@@ -60,8 +66,8 @@ class Case:
 
 
 class Runs(NamedTuple):
-    """Results of an estimator over runs: at mid-observation delay, rate, acceleration (runs,), error (runs, 6), nees (runs,);
-    at the scans scan_delay, scan_rate (runs, scans); nees_end (runs,) at the last measurement."""
+    """Results of an estimator over runs: at mid-observation delay, rate, acceleration (runs,), error (runs, 6), nees
+    (runs,); at the scans scan_delay, scan_rate (runs, scans); nees_end (runs,) at the last measurement."""
 
     delay: Array
     rate: Array
@@ -93,11 +99,13 @@ def run_estimator(how: Estimator, data: Observations, dynamics) -> estimate.Orbi
 
 
 def one_run(case: Case, rng: np.random.Generator) -> dict[str, assess.Errors]:
-    """One draw: errors of each estimator at mid-observation, then at the scans; the last of nees is that at the end of tracking."""
+    """One draw: errors of each estimator at mid-observation, then at the scans; the last of nees is that at the end
+    of tracking.
+    """
     session = case.session
     dynamics, stations = world(session), find_stations(case.stations, session)
     truth, data = draw(session, dynamics, case.levels, stations, rng)
-    source = find_source(case.source, session, truth.states(np.array([session.middle]))[0, :3])
+    source = toward(session, case.source)
     times = np.unique(np.append(session.scan_middles(), session.middle))
     end = float(data.t[-1])
     out = {}
@@ -150,7 +158,9 @@ def standard(
 
 
 def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
-    """SNR (runs,) of a scan at mid-observation of each run. A residual beyond the lag window leaves the peak of the noise."""
+    """SNR (runs,) of a scan at mid-observation of each run. A residual beyond the lag window leaves the peak of the
+    noise.
+    """
     return np.array([
         scan_snr(setup, *residual, np.random.default_rng(seed0 + k))
         for k, residual in enumerate(zip(runs.delay, runs.rate, runs.acceleration, strict=True))
@@ -165,9 +175,9 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
     microseconds, fringe = 1e6, BANDS[band]
     delay, rate = assess.gain(prior.delay, post.delay), assess.gain(prior.rate, post.rate)
     return {
-        "delay_us.rms": (microseconds * assess.rms(post.delay), "us"),
-        "delay_us.rms_error": (microseconds * assess.standard_error(post.delay), "us"),
-        "delay_us.median": (microseconds * float(np.median(np.abs(post.delay))), "us"),
+        "delay_us.rms": (microseconds * assess.rms(post.delay), "µs"),
+        "delay_us.rms_error": (microseconds * assess.standard_error(post.delay), "µs"),
+        "delay_us.median": (microseconds * float(np.median(np.abs(post.delay))), "µs"),
         "rate.rms": (assess.rms(post.rate), "s/s"),
         "rate.rms_error": (assess.standard_error(post.rate), "s/s"),
         "rate.median": (float(np.median(np.abs(post.rate))), "s/s"),
@@ -180,6 +190,22 @@ def summary(prior: Runs, post: Runs, band: str) -> dict[str, tuple[float, str]]:
         "share.rate.tenfold": (rate.tenfold, ""),
         "share.delay.tenfold": (delay.tenfold, ""),
     }
+
+
+def scan_columns(runs: Mapping[str, Runs]) -> dict[str, Array]:
+    """Columns for a figure of the scans: median, 16 and 84 % points of the size of delay [s] and rate [s/s], by
+    orbit.
+    """
+    columns: dict[str, Array] = {}
+    for name, r in runs.items():
+        for kind, values in (("delay_s", r.scan_delay), ("rate", r.scan_rate)):
+            low, middle, high = np.quantile(np.abs(values), [0.16, 0.5, 0.84], axis=0)
+            columns |= {
+                f"{name}_{kind}_median": middle,
+                f"{name}_{kind}_16_percent": low,
+                f"{name}_{kind}_84_percent": high,
+            }
+    return {"scan": np.arange(1.0, len(next(iter(columns.values()))) + 1.0)} | columns
 
 
 def linear_runs(sample: Sample, gradient: Array, source: Array) -> tuple[Runs, Runs]:
@@ -207,20 +233,34 @@ def large_sample(
     draws: int = 4000,
     seed: int = 1,
 ) -> tuple[Runs, Runs]:
-    """Linear draws of a session about its nominal orbit, before and after: the values about which a Monte Carlo scatters."""
+    """Linear draws of a session about its nominal orbit, before and after: the values about which a Monte Carlo
+    scatters.
+    """
     g = linearise(session, world(session), find_stations(stations, session))
     sample = formal_sample(g, levels, weights, np.random.default_rng(seed), draws)
     gradient = g.world.gradient(session.middle, g.middle)
-    return linear_runs(sample, gradient, find_source(source, session, g.middle[:3]))
+    return linear_runs(sample, gradient, toward(session, source))
 
 
 def correction_history(
-    session: Session, levels: Levels, how: Estimator, seed0: int, n_seeds: int, times: Array
+    session: Session,
+    levels: Levels,
+    how: Estimator,
+    seed0: int,
+    n_seeds: int,
+    times: Array,
+    stations: tuple[str, ...] = (),
 ) -> tuple[Array, Array]:
-    """Filter minus a-priori orbit over times (k,) [s]: position (runs, k, 3) and geocentric radius (runs, k) [m]."""
+    """Filter minus a-priori orbit over times (k,) [s]: position (runs, k, 3) and geocentric radius (runs, k) [m].
+
+    stations : none is the session's own. Raises ValueError for times before the last measurement or after the tables.
+    """
     dynamics, differences, radii = world(session), [], []
+    names = find_stations(stations, session)
+    if times[0] < session.passes[-1][1]:
+        raise ValueError(f"time {times[0]:g} s is before the end of tracking, {session.passes[-1][1]:g} s")
     for seed in range(seed0, seed0 + n_seeds):
-        _, data = draw(session, dynamics, levels, (session.station,), np.random.default_rng(seed))
+        _, data = draw(session, dynamics, levels, names, np.random.default_rng(seed))
         tracks = []
         for orbit in (estimate.prior_orbit(data), run_estimator(how, data, dynamics)):
             start = orbit.at(dynamics, float(data.t[-1]))
@@ -231,15 +271,27 @@ def correction_history(
 
 
 def prior_scale(
-    session: Session, levels: Levels, weights: Weights, scale: float, seed0: int, n_seeds: int
+    session: Session,
+    levels: Levels,
+    weights: Weights,
+    scale: float,
+    seed0: int,
+    n_seeds: int,
+    stations: tuple[str, ...] = (),
+    source: str = "",
 ) -> tuple[Array, Array]:
-    """Delay [s] and rate [s/s] errors (runs,) of the filter when it is told P(0) with sigmas `scale` times the true ones."""
-    dynamics, source = world(session), find_source("", session)
+    """Delay [s] and rate [s/s] errors (runs,) of the filter when it is told P(0) with sigmas `scale` times the true
+    ones.
+
+    stations : none is the session's own; source as in `model.find_source`.
+    """
+    dynamics, direction = world(session), toward(session, source)
+    names = find_stations(stations, session)
     delay, rate = np.empty(n_seeds), np.empty(n_seeds)
     for k in range(n_seeds):
-        truth, data = draw(session, dynamics, levels, (session.station,), np.random.default_rng(seed0 + k))
+        truth, data = draw(session, dynamics, levels, names, np.random.default_rng(seed0 + k))
         data = replace(data, prior_cov=scale**2 * data.prior_cov)
         orbit = estimate.extended(data, dynamics, weights).orbit
-        residual = assess.errors(orbit, truth, dynamics, np.array([session.middle]), source).residual
+        residual = assess.errors(orbit, truth, dynamics, np.array([session.middle]), direction).residual
         delay[k], rate[k] = residual.delay[0], residual.rate[0]
     return delay, rate

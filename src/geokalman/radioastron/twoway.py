@@ -1,7 +1,8 @@
 """Two-way range and range-rate with light time, and their partial derivatives, as compiled kernels.
 
-The time tag is that of reception, t3; the filter's state is that at t3. The signal left the station at t1 and was turned round at
-the spacecraft at t2 = t3 - tau; the spacecraft there is r - v tau + a tau^2 / 2. Range is c (t3 - t1)/2.
+The time tag is that of reception, t3; the filter's state is that at t3. The signal left the station at t1 and was
+turned round at the spacecraft at t2 = t3 - tau; the spacecraft there is r - v tau + a tau^2 / 2. Range is
+c (t3 - t1)/2.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ _ITERATIONS = 4
 
 @njit(cache=True)
 def station_step(t, itrs, params, out):
-    """GCRS position of a station itrs (3,) at t [s], written to out (3,) [m]; params of `physics.satellite.dynamics`."""
+    """GCRS position of a station itrs (3,) at t [s], written to out (3,) [m]; params of
+    `physics.satellite.dynamics`.
+    """
     R = np.empty((3, 3))
     gcrs_from_itrs_step(t, params, R)
     for i in range(3):
@@ -52,8 +55,8 @@ def _light_time(x, station, shapiro):
 def two_way_step(t3, offset, y, a, itrs, params, shapiro, bounce, receive, send):
     """Half of the two-way range [m] of a signal received at t3 + offset, y (6,) and a (3,) the spacecraft at t3.
 
-    Outputs: bounce (3,) the spacecraft at t2; receive, send (3,) the station at t3 and t1 [m]. Returns the range; the down-leg
-    light time is |bounce - receive| / c.
+    Outputs: bounce (3,) the spacecraft at t2; receive, send (3,) the station at t3 and t1 [m]. Returns the range; the
+    down-leg light time is |bounce - receive| / c.
     """
     station_step(t3 + offset, itrs, params, receive)
     tau = 0.0
@@ -81,9 +84,9 @@ def observe_step(t3, y, a, itrs, params, shapiro, z):
 def partials_step(t3, y, a, itrs, params, H):
     """Partial derivatives of range and range-rate with respect to the state at t3, written to H (2, 6).
 
-    Range: u, the mean of the unit vectors of both legs, and -tau u. Range-rate: [w - n (n.w)]/D with w the velocity relative
-    to the station, n and D at t2, and u. The station's velocity is differenced in the GCRS: with the pole 0.07 degrees off the
-    formal rate sigma changes by 13 %.
+    Range: u, the mean of the unit vectors of both legs, and -tau u. Range-rate: [w - n (n.w)]/D with w the velocity
+    relative to the station, n and D at t2, and u. The station's velocity is differenced in the GCRS: with the pole
+    0.07 degrees off the formal rate sigma changes by 13 %.
     """
     bounce, receive, send = np.empty(3), np.empty(3), np.empty(3)
     two_way_step(t3, 0.0, y, a, itrs, params, True, bounce, receive, send)

@@ -49,17 +49,18 @@ def recorded_number(root: Path, notebook: str, key: str) -> str:
     return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
 
 
-def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, lenient: bool) -> None:
+def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root: Path, lenient: bool) -> None:
     """Put the numbers that an executed notebook recorded into its own prose, so that the run reads well by itself.
 
-    lenient : a number that this run did not record becomes a dash (other parameters may leave it out); else its call stays,
-    and staging refuses it. Numbers of other notebooks stay calls: they belong to the book.
+    lenient   of a run with other parameters: a number that it did not record becomes a dash, and those of other
+              notebooks are the book's. Else such calls stay for staging, which refuses what it cannot find.
     """
 
     def number(match: re.Match[str]) -> str:
-        if match[1] != name or (match[2] not in metrics and not lenient):
+        own = match[1] == name
+        if not lenient and not (own and match[2] in metrics):
             return match[0]
-        told = metrics.get(match[2])
+        told = (metrics if own else claims.recorded(root, match[1]) or {}).get(match[2])
         return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
 
     for cell in notebook.cells:
@@ -92,15 +93,19 @@ def _plain(text: str) -> str:
 
 
 def run_times(root: Path) -> str:
-    """Table of the notebooks with the time that each took in this build."""
-    rows, total = [], 0.0
+    """Table of the notebooks with the time that each took in this build, and the sum of each part."""
+    rows: list[str] = []
+    totals: dict[str, float] = {}
     for name in notebooks.names(root):
         path = root / "book" / "_build" / "runs" / name / "provenance.json"
         if path.is_file():
-            told = json.loads(path.read_text(encoding="utf-8"))
-            total += told["seconds"]
-            rows.append(f"| {{doc}}`/{name}` | {told['seconds']:.1f} |")
-    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, f"| all | {total:.1f} |"])
+            seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"]
+            paper = name.partition("/")[0]
+            totals[paper] = totals.get(paper, 0.0) + seconds
+            rows.append(f"| {{doc}}`/{name}` | {seconds:.1f} |")
+    sums = [f"| all of {{doc}}`/{paper}/index` | {total:.1f} |" for paper, total in totals.items()]
+    whole = f"| the whole book | {sum(totals.values()):.1f} |"
+    return "\n".join(["| notebook | seconds |", "| --- | ---: |", *rows, *sums, whole])
 
 
 def api(root: Path) -> str:

@@ -98,7 +98,7 @@ def _run_alone(
         told = json.loads((record / "provenance.json").read_text(encoding="utf-8"))
         changed = parameters.specification(source, name).changed(told["parameters"])
         metrics = json.loads((record / "metrics.json").read_text(encoding="utf-8"))
-        blocks.insert_own(executed, name, metrics, lenient=bool(changed))
+        blocks.insert_own(executed, name, metrics, root, lenient=bool(changed))
         _warn_of(changed, executed)
         _write_notebook(record / "notebook.ipynb", executed)
         if page:

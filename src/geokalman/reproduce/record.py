@@ -118,7 +118,10 @@ class Notebook:
         if not isinstance(value, numbers.Real):
             raise Fault(f"{key} = {value!r} is no number; arrays are recorded with nb.array.")
         if not math.isfinite(value) and finite:
-            raise Fault(f"{key} = {value} is not finite; say finite=False where that is meant.")
+            raise Fault(
+                f"{key} = {value} is not finite: with these parameters there is nothing to compute it from "
+                "(in a notebook of your own, finite=False records it as null)."
+            )
         self._metrics[key] = {"value": value if math.isfinite(value) else None, "unit": unit}
 
     def array(self, key: str, values: ArrayLike, unit: str = "", finite: bool = True) -> None:
@@ -270,7 +273,8 @@ class Notebook:
             raise Fault(f"{key!r} cannot name a record; it must be {wanted}.")
         others = self._arrays if taken is self._metrics else self._metrics if taken is self._arrays else {}
         if key in others or (key in taken and not self._interactive):  # a cell may be executed again in Jupyter
-            raise Fault(f"{key!r} is recorded already; a name is recorded once.")
+            twice = [f" {name} = {value} has a value twice." for name, value in self.params.items() if _repeats(value)]
+            raise Fault(f"{key!r} is recorded already; a name is recorded once.{''.join(twice)}")
 
     def _write(self, path: str, content: bytes) -> None:
         target = self._staging / path
@@ -312,3 +316,11 @@ def _csv(rows: Iterable[Sequence[Any]]) -> bytes:
 
 def _json(value: Any) -> bytes:
     return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def _repeats(value: Any) -> bool:
+    """Is this a list of numbers or words two of which are the same, or so close that a recorded name has them so?"""
+    if not isinstance(value, list):
+        return False
+    words = [f"{item:g}" if isinstance(item, float) else str(item) for item in value]
+    return len(set(words)) < len(words)

@@ -1,0 +1,116 @@
+"""Figures of the orbit: from two sides, over the ground, above the horizon.
+
+Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from geokalman.constants import A_EARTH
+from geokalman.files import natural_earth_dir
+from geokalman.radioastron.model import Array
+from geokalman.style import METHODS, ink, paper
+
+
+def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure:
+    """The orbit (n, 3) [m] in its own plane and seen edge-on; arcs: name -> (k, 3) parts of it; source (3,) unit
+    vector.
+    """
+    normal = np.cross(orbit[0], orbit[len(orbit) // 8])
+    normal /= np.linalg.norm(normal)
+    perigee = orbit[np.argmin(np.linalg.norm(orbit, axis=1))]
+    x = perigee / np.linalg.norm(perigee)
+    axes = np.array([x, np.cross(normal, x), normal])
+    figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.6))
+    names = ("ekf", "batch", "prior")
+    for panel, (i, j), labels in zip(
+        panels,
+        ((0, 1), (0, 2)),
+        (("towards perigee", "along the motion"), ("towards perigee", "out of the plane")),
+        strict=True,
+    ):
+        track = orbit @ axes.T / 1e6
+        panel.plot(track[:, i], track[:, j], color=METHODS["exact"].colour, linewidth=0.9)
+        for name, (label, arc) in zip(names, arcs.items(), strict=False):
+            part = arc @ axes.T / 1e6
+            panel.plot(
+                part[:, i], part[:, j], color=METHODS[name].colour, linewidth=4, solid_capstyle="round", label=label
+            )
+        if j == 1:
+            panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["exact"].colour, linewidth=0))
+        else:
+            panel.plot(0.0, 0.0, marker="o", markersize=4, linestyle="none", color=METHODS["exact"].colour)
+        ray = np.outer([0.0, 150.0], axes @ source)
+        panel.plot(ray[:, i], ray[:, j], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
+        panel.set(xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal")
+    panels[0].set_title("in its plane", loc="left")
+    panels[1].set_title("edge-on, the same scale", loc="left")
+    panels[1].set(ylim=(-80.0, 80.0))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+def ground_track(longitude: Array, latitude: Array, stations: Mapping[str, tuple[float, float]]) -> Figure:
+    """Ground track [deg], and stations: name -> (longitude, latitude) [deg]."""
+    import cartopy
+    import cartopy.crs as ccrs
+
+    cartopy.config["pre_existing_data_dir"] = str(natural_earth_dir())
+    plain = ccrs.PlateCarree()
+    figure, axes = plt.subplots(figsize=(7.2, 3.9), subplot_kw={"projection": plain})
+    axes.set_global()
+    axes.coastlines(resolution="110m", linewidth=0.5, color=METHODS["exact"].colour)
+    jump = np.flatnonzero(np.abs(np.diff(longitude)) > 180) + 1
+    colour = METHODS["ekf"].colour
+    axes.plot(np.insert(longitude, jump, np.nan), np.insert(latitude, jump, np.nan), color=colour, label="spacecraft")
+    axes.plot(longitude[:1], latitude[:1], color=colour, marker="o", linestyle="none", label="where it begins")
+    for k, (name, (x, y)) in enumerate(stations.items()):
+        axes.plot(
+            x, y, color=METHODS["prior"].colour, marker="^", markersize=6, linestyle="none",
+            label=None if k else "station",
+        )  # fmt: skip
+        # neighbours, as Bear Lakes and Evpatoria are, would write over each other on one side
+        side = {"xytext": (7, -4)} if k % 2 == 0 else {"xytext": (-7, -4), "ha": "right"}
+        axes.annotate(name, (x, y), textcoords="offset points", fontsize=9, **side)
+    axes.set(xlabel="longitude [deg]", ylabel="latitude [deg]")
+    axes.set_xticks(range(-180, 181, 60), crs=plain)
+    axes.set_yticks(range(-90, 91, 30), crs=plain)
+    axes.set_facecolor(paper())
+    axes.spines["geo"].set_edgecolor(ink())
+    axes.legend(loc="lower left")
+    return figure
+
+
+def elevation(
+    t: Array, heights: Mapping[str, Array], passes: Sequence[tuple[float, float]], observation: tuple[float, float]
+) -> Figure:
+    """Elevation (n,) [deg] at stations against time [s]; tracking passes and the observation are shaded."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.4))
+    for name, style in zip(heights, ("ekf", "prior", "batch"), strict=False):
+        axes.plot(t / 3600, heights[name], color=METHODS[style].colour, linestyle=METHODS[style].line, label=name)
+    for k, (begin, end) in enumerate(passes):
+        axes.axvspan(
+            begin / 3600,
+            end / 3600,
+            color=METHODS["neutral"].colour,
+            alpha=0.4,
+            linewidth=0,
+            label="tracking" if k == 0 else None,
+        )
+    axes.axvspan(
+        observation[0] / 3600,
+        observation[1] / 3600,
+        color=METHODS["exact"].colour,
+        alpha=0.3,
+        linewidth=0,
+        label="observation",
+    )
+    axes.axhline(5, color=ink(), linewidth=0.8, linestyle=":")
+    axes.set(xlabel="UTC [h]", ylabel="elevation [deg]", ylim=(0, 90))
+    figure.legend(loc="outside upper center", ncols=5)
+    return figure
