@@ -1,5 +1,6 @@
-"""Orbit, transition matrix, frame, bodies and observables against satkit: other code, other ephemerides (DE440), another
-series of Earth orientation (Bulletin A), other tables of nutation and of the field. Nothing is shared but constants of nature.
+"""Orbit, transition matrix, frame, bodies and observables against satkit: other code, other ephemerides (DE440),
+another series of Earth orientation (Bulletin A), other tables of nutation and of the field. Nothing is shared but
+constants of nature.
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ def kit(tmp_path_factory) -> SimpleNamespace:
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_orbit_of_a_session(kit, name):
-    """To the end of the observation, and a day: 5 cm, of which geodesic precession and Lense-Thirring, which ours leaves out, are
-    two or three. Venus, which satkit leaves out, is switched off (in July 2012 it was near and makes half a metre)."""
+    """To the end of the observation, and a day: 5 cm, of which geodesic precession and Lense-Thirring, which ours
+    leaves out, are two or three. Venus, which satkit leaves out, is switched off (in July 2012 it was near and makes
+    half a metre)."""
     session = find_session(name)
     forces = world(session, ForceModel(bodies=("sun", "moon")), 1.0)
     start = nominal_state(session, world(session))
@@ -96,8 +98,8 @@ def test_transition_matrix(kit):
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_earth_fixed_frame(kit, name):
-    """Both use IAU 2006/2000A; C04 and Bulletin A differ by some 1e-10 rad in the pole and 10 µs in UT1 (7e-10 rad), and the
-    celestial pole offsets that ours leaves out are up to 1e-9."""
+    """Both use IAU 2006/2000A; C04 and Bulletin A differ by some 1e-10 rad in the pole and 10 µs in UT1 (7e-10 rad),
+    and the celestial pole offsets that ours leaves out are up to 1e-9."""
     session = find_session(name)
     for t in (session.first, session.middle):
         ours = world(session).gcrs_from_itrs(t)
@@ -106,8 +108,8 @@ def test_earth_fixed_frame(kit, name):
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_sun_and_moon_of_another_ephemeris(kit, name):
-    """DE421 against DE440: metres for the Moon, below a kilometre for the Sun, hundreds of thousands of times less than a wrong
-    time scale of a minute would make."""
+    """DE421 against DE440: metres for the Moon, below a kilometre for the Sun, hundreds of thousands of times less
+    than a wrong time scale of a minute would make."""
     session = find_session(name)
     bodies = kit.module.solarsystem
     for body, other, limit in (("moon", bodies.Moon, 10.0), ("sun", bodies.Sun, 1000.0)):
@@ -123,9 +125,9 @@ def lagrange(nodes, values, t):
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_two_way_range_and_rate(kit, name):
-    """Light time solved here with satkit's spacecraft and station, each through seven of its own points a minute apart (its
-    clock ticks in microseconds). 5 mm: the frames differ by 1e-9 rad on the ground; 2e-6 m/s: its angle of the Earth has steps
-    of some 1e-9 rad too."""
+    """Light time solved here with satkit's spacecraft and station, each through seven of its own points a minute
+    apart (its clock ticks in microseconds). 5 mm: the frames differ by 1e-9 rad on the ground; 2e-6 m/s: its angle of
+    the Earth has steps of some 1e-9 rad too."""
     session = find_session(name)
     start = nominal_state(session, world(session))
     nodes = session.first + 60.0 * np.arange(-4.0, 3.0)

@@ -101,7 +101,9 @@ def test_data_know_their_day(drawn, st):
 
 @pytest.mark.parametrize("method", [estimate.extended, estimate.unscented, estimate.batch])
 def test_a_link_through_the_ground_is_refused_by_every_estimator(drawn, st, method):
-    """Data that claim to come from the other side of the Earth: the a-priori state stands below the station's horizon."""
+    """Data that claim to come from the other side of the Earth: the a-priori state stands below the station's
+    horizon.
+    """
     below = changed(drawn[1], prior_mean=drawn[1].prior_mean * [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
     with pytest.raises(ValueError, match="above the horizon of Bear Lakes"):
         method(below, st[1])

@@ -57,7 +57,9 @@ def test_e2_printed_innovation_of_a_perfect_state(st, state):
 
 
 def test_e3_one_step_over_the_gap_is_another_matrix(st, state):
-    """Phi of the gap between the passes: I + F T is wrong by a percent, sub-steps of 10 s by less than a hundredth of that."""
+    """Phi of the gap between the passes: I + F T is wrong by a percent, sub-steps of 10 s by less than a hundredth of
+    that.
+    """
     gap, matrices = (st[0].passes[0][1], st[0].passes[1][0]), []
     for mode in (0, 1, 2):
         x, Phi = state.copy(), np.eye(6)
@@ -112,7 +114,9 @@ def test_e8_a_zero_for_the_letter_o():
 
 
 def test_e9_only_one_exponent_fits_figure_2b():
-    """The axis spans 0.18 units: it must hold the change of 1 us and a drift at 1.8e-10 s/s over 40 minutes, and show them."""
+    """The axis spans 0.18 units: it must hold the change of 1 us and a drift at 1.8e-10 s/s over 40 minutes, and show
+    them.
+    """
     needed = 1e-6 + 1.8e-10 * 2400.0
     fitting = [k for k in range(-8, 0) if needed < 0.18 * 10.0**k < 10.0 * needed]
     assert fitting == [-5]
@@ -141,7 +145,9 @@ def test_e11_a_volume_a_year():
 
 
 def test_e12_q_belongs_to_the_measurements_and_v_to_the_noise_of_the_process():
-    """Equations (20) to (23) with the paper's letters are the core's step with R = Q and Q = V; exchanged they are another."""
+    """Equations (20) to (23) with the paper's letters are the core's step with R = Q and Q = V; exchanged they are
+    another.
+    """
     rng = np.random.default_rng(1)
     A, C = np.eye(3) + 0.1 * rng.standard_normal((3, 3)), rng.standard_normal((2, 3))
     Q, V = np.diag([2.0, 3.0]), np.diag([0.1, 0.2, 0.3])
@@ -162,7 +168,9 @@ def test_e12_q_belongs_to_the_measurements_and_v_to_the_noise_of_the_process():
 
 
 def test_e13_the_correction_is_no_error_of_five_hundred_metres(before_and_after):
-    """3.8 km against 500 m in each coordinate: a chi-square of over 50 for three degrees of freedom, against 3.6 for 2 km."""
+    """3.8 km against 500 m in each coordinate: a chi-square of over 50 for three degrees of freedom, against 3.6 for
+    2 km.
+    """
     assert np.linalg.norm(CORRECTION) == pytest.approx(3784, abs=1)
     assert np.sum((CORRECTION / 500.0) ** 2) > 50.0 and np.sum((CORRECTION / 2000.0) ** 2) < 7.8
     # and it lies where one station hardly corrects: few of our corrections lie as far out
@@ -178,7 +186,9 @@ def test_e14_no_orbit_error_makes_nineteen_microseconds(before_and_after):
 
 
 def test_e15_a_correlator_would_find_raes03bb():
-    """With the errors that the filter leaves (rms 0.93 us, 8e-11 s/s), a source that gives 60 gives tens in either band."""
+    """With the errors that the filter leaves (rms 0.93 us, 8e-11 s/s), a source that gives 60 gives tens in either
+    band.
+    """
     for band in ("L", "C"):
         snr = scan_snr(Setup(band, n_channels=256, padding=2), 0.93e-6, 8.0e-11, 0.0, np.random.default_rng(1))
         assert snr > 30.0

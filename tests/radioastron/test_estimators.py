@@ -56,7 +56,9 @@ def test_unscented_and_iterated_filters_agree_with_the_extended_one(st, drawn):
 
 @compiled
 def test_estimate_is_within_its_covariance_where_the_model_is_right(st):
-    """Mean NEES of 40 runs with everything modelled: 6 within 4 standard errors of the mean of chi-square, sqrt(12/40)."""
+    """Mean NEES of 40 runs with everything modelled: 6 within 4 standard errors of the mean of chi-square,
+    sqrt(12/40).
+    """
     values = []
     for seed in range(40):
         levels = Levels(bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0)
@@ -184,7 +186,9 @@ def test_biases_are_those_that_were_asked_for(st, kind):
 
 @compiled
 def test_monte_carlo_is_centred_on_the_large_sample(st):
-    """60 runs of the true filter against 4000 linear draws of the same: rms within three standard errors of the smaller sample."""
+    """60 runs of the true filter against 4000 linear draws of the same: rms within three standard errors of the
+    smaller sample.
+    """
     session = st[0]
     runs = study.standard(session, Levels(), 1000, 60)
     for how, weights in (("ekf", INFLATED), ("naive", NAIVE)):
@@ -205,15 +209,16 @@ def test_monte_carlo_is_centred_on_the_large_sample(st):
     ("BB", INFLATED, "common", (), (7.41, 0.93), (1.79e-10, 8.0e-11), (0.92, 0.75, 0.13)),
     ("BC", INFLATED, "common", (), (8.98, 1.43), (1.92e-10, 6.8e-11), (0.89, 0.78, 0.17)),
     ("ST", BIASED, "common", ("Bear Lakes", "Ussuriysk"), (7.69, 0.187), (2.01e-10, 2.06e-11), (0.98, 0.93, 0.49)),
-    ("OE", BIASED, "common", ("Bear Lakes", "Ussuriysk", "Pushchino"), (12.84, 0.464), (2.96e-10, 2.70e-11), (0.98, 0.94, 0.52)),
+    ("OE", BIASED, "common", ("Bear Lakes", "Ussuriysk", "Pushchino"), (12.84, 0.464), (2.96e-10, 2.70e-11),
+     (0.98, 0.94, 0.52)),
     ("BC", BIASED, "common", ("Bear Lakes", "Ussuriysk"), (8.98, 0.648), (1.92e-10, 2.22e-11), (0.95, 0.93, 0.50)),
     ("ST", NAIVE, "per-pass", (), (7.69, 11.3), (2.01e-10, 1.94e-10), None),
     ("ST", INFLATED, "per-pass", (), (7.69, 1.98), (2.01e-10, 1.10e-10), None),
     ("ST", BIASED, "per-pass", (), (7.69, 2.13), (2.01e-10, 1.10e-10), None),
 ])  # fmt: skip
 def test_large_sample_values(name, weights, bias, stations, delay, rate, shares):
-    """Section 4.3: 4000 draws of ours against 4000 of another implementation. Standard error of an rms 1.1 %, of the difference
-    1.6 %: 5 % is three of them; of a share 0.8 %, of the difference 1.1 %."""
+    """Section 4.3: 4000 draws of ours against 4000 of another implementation. Standard error of an rms 1.1 %, of the
+    difference 1.6 %: 5 % is three of them; of a share 0.8 %, of the difference 1.1 %."""
     prior, post = study.large_sample(find_session(name), Levels(bias=bias), weights, stations)
     for ours, theirs in (
         (prior.delay, delay[0] * 1e-6),
@@ -229,7 +234,9 @@ def test_large_sample_values(name, weights, bias, stations, delay, rate, shares)
 
 @compiled
 def test_single_step_and_bias_per_pass():
-    """RA-8: naive weights are worse than no filter, larger ones repair it; one step of I + FT over the gap ruins the rate."""
+    """RA-8: naive weights are worse than no filter, larger ones repair it; one step of I + FT over the gap ruins the
+    rate.
+    """
     names = ("prior", "ekf", "naive", "single", "ukf", "batch-bias", "substeps")
     runs = study.standard(
         find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: study.ALL[n] for n in names}
@@ -290,8 +297,13 @@ def test_forces_that_the_filter_lacks_move_the_orbit_by_metres(st, state):
     """Section 4.2: change of the position at the end of the observation, session ST."""
     span = np.array([st[0].first, st[0].observation[1]])
     reference = st[1].propagate(state, span).r[-1, 0]
-    for model, change, rel in ((ForceModel(degree=2), 0.02, 0.1), (ForceModel(kappa=0.0), 22.0, 0.02), (ForceModel(relativity=False), 1.2e-3, 0.1),
-                               (ForceModel(bodies=("sun", "venus")), 1397.0, 0.01), (ForceModel(bodies=("moon", "venus")), 590.0, 0.01)):  # fmt: skip
+    for model, change, rel in (
+        (ForceModel(degree=2), 0.02, 0.1),
+        (ForceModel(kappa=0.0), 22.0, 0.02),
+        (ForceModel(relativity=False), 1.2e-3, 0.1),
+        (ForceModel(bodies=("sun", "venus")), 1397.0, 0.01),
+        (ForceModel(bodies=("moon", "venus")), 590.0, 0.01),
+    ):
         assert np.linalg.norm(world(st[0], model).propagate(state, span).r[-1, 0] - reference) == pytest.approx(
             change, rel=rel
         )

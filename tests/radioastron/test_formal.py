@@ -11,18 +11,27 @@ BIASED = Weights(10.0, 1e-3, True)
 TWO = ("Bear Lakes", "Ussuriysk")
 FREE = {"bias": "none"}
 SIGMAS = [  # session, stations, changes of the levels, weights, delay [us], rate [s/s], position [m] or None
-    ("ST", (), {}, None, 1.723, 1.077e-10, 2331), ("OE", (), {}, None, 1.097, 8.19e-11, 2907), ("BB", (), {}, None, 0.934, 7.68e-11, 2729), ("BC", (), {}, None, 1.367, 6.37e-11, 3069),
-    ("ST", (), {}, BIASED, 1.847, 1.081e-10, 2430), ("ST", (), {"sigma_rate": 1e6}, None, 1.953, 1.114e-10, 2509), ("ST", (), {"sigma_range": 1e9}, None, 6.040, 1.228e-10, 3190),
-    ("ST", (), {"sigma_rate": 1e-4}, None, 0.657, 1.020e-10, 1636), ("ST", (), {"sigma_range": 0.1}, None, 0.616, 1.052e-10, 1632),
-    ("ST", (), {"prior_position": 500.0, "prior_velocity": 0.0125}, None, 0.481, 2.71e-11, 623), ("ST", (), {"prior_position": 1e4, "prior_velocity": 0.25}, None, 3.825, 5.23e-10, 8474),
-    ("ST", (), {"prior_position": 1e5, "prior_velocity": 2.5}, None, 10.78, 3.91e-9, 70264), ("ST", TWO, {}, None, 0.0877, 2.81e-12, 96), ("ST", TWO, {}, BIASED, 0.251, 1.51e-11, 416),
-    ("ST", (*TWO, "Pushchino"), {}, BIASED, 0.219, 1.32e-11, 359), ("OE", TWO, {}, None, 0.0614, 2.75e-12, 224), ("OE", TWO, {}, BIASED, 0.330, 2.04e-11, 763),
-    ("BC", TWO, {}, None, 0.161, 2.30e-12, 383), ("BC", TWO, {}, BIASED, 0.545, 1.15e-11, 1039), ("ST", tuple(STATIONS), {}, None, 0.035, 1.1e-12, None),
+    ("ST", (), {}, None, 1.723, 1.077e-10, 2331), ("OE", (), {}, None, 1.097, 8.19e-11, 2907),
+    ("BB", (), {}, None, 0.934, 7.68e-11, 2729), ("BC", (), {}, None, 1.367, 6.37e-11, 3069),
+    ("ST", (), {}, BIASED, 1.847, 1.081e-10, 2430), ("ST", (), {"sigma_rate": 1e6}, None, 1.953, 1.114e-10, 2509),
+    ("ST", (), {"sigma_range": 1e9}, None, 6.040, 1.228e-10, 3190),
+    ("ST", (), {"sigma_rate": 1e-4}, None, 0.657, 1.020e-10, 1636),
+    ("ST", (), {"sigma_range": 0.1}, None, 0.616, 1.052e-10, 1632),
+    ("ST", (), {"prior_position": 500.0, "prior_velocity": 0.0125}, None, 0.481, 2.71e-11, 623),
+    ("ST", (), {"prior_position": 1e4, "prior_velocity": 0.25}, None, 3.825, 5.23e-10, 8474),
+    ("ST", (), {"prior_position": 1e5, "prior_velocity": 2.5}, None, 10.78, 3.91e-9, 70264),
+    ("ST", TWO, {}, None, 0.0877, 2.81e-12, 96), ("ST", TWO, {}, BIASED, 0.251, 1.51e-11, 416),
+    ("ST", (*TWO, "Pushchino"), {}, BIASED, 0.219, 1.32e-11, 359), ("OE", TWO, {}, None, 0.0614, 2.75e-12, 224),
+    ("OE", TWO, {}, BIASED, 0.330, 2.04e-11, 763),
+    ("BC", TWO, {}, None, 0.161, 2.30e-12, 383), ("BC", TWO, {}, BIASED, 0.545, 1.15e-11, 1039),
+    ("ST", tuple(STATIONS), {}, None, 0.035, 1.1e-12, None),
     ("ST", tuple(STATIONS), {}, BIASED, 0.160, 5.9e-12, None),
 ]  # fmt: skip
 CONSIDER = [  # session, weights, own, common, per pass: (delay, rate, position)
-    ("ST", NAIVE, (1.723, 1.077e-10, 2331), (1.873, 1.081e-10, 2448), (10.998, 1.890e-10, 11488)), ("ST", INFLATED, (1.922, 1.084e-10, 2492), (1.908, 1.083e-10, 2479), (1.991, 1.087e-10, 2550)),
-    ("OE", NAIVE, (1.097, 8.19e-11, 2907), (1.100, 8.20e-11, 2913), (1.432, 1.353e-10, 4949)), ("BC", NAIVE, (1.367, 6.37e-11, 3069), (1.369, 6.38e-11, 3072), (1.745, 1.005e-10, 4493)),
+    ("ST", NAIVE, (1.723, 1.077e-10, 2331), (1.873, 1.081e-10, 2448), (10.998, 1.890e-10, 11488)),
+    ("ST", INFLATED, (1.922, 1.084e-10, 2492), (1.908, 1.083e-10, 2479), (1.991, 1.087e-10, 2550)),
+    ("OE", NAIVE, (1.097, 8.19e-11, 2907), (1.100, 8.20e-11, 2913), (1.432, 1.353e-10, 4949)),
+    ("BC", NAIVE, (1.367, 6.37e-11, 3069), (1.369, 6.38e-11, 3072), (1.745, 1.005e-10, 4493)),
 ]  # fmt: skip
 
 

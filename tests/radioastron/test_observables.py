@@ -64,12 +64,26 @@ def test_terms_of_session_st():
     """The table of section 1.5."""
     y, a, _, station, velocity, moon, *_ = scene("ST")
     terms = oneway.doppler_terms(y, a, station, velocity, moon)
-    for name, value, tolerance in (("line-of-sight", -1089.7, 0.05), ("retardation", -1.439e-2, 7e-5), ("station-motion", 3.5e-4, 5e-6), ("second-order", 1.1375e-2, 5e-5),
-                                   ("clock", 0.20893, 1e-5), ("earth-potential", -1.493e-2, 1e-5), ("j2", 4.7e-8, 5e-10), ("moon", 4.5e-7, 5e-9)):  # fmt: skip
+    for name, value, tolerance in (
+        ("line-of-sight", -1089.7, 0.05),
+        ("retardation", -1.439e-2, 7e-5),
+        ("station-motion", 3.5e-4, 5e-6),
+        ("second-order", 1.1375e-2, 5e-5),
+        ("clock", 0.20893, 1e-5),
+        ("earth-potential", -1.493e-2, 1e-5),
+        ("j2", 4.7e-8, 5e-10),
+        ("moon", 4.5e-7, 5e-9),
+    ):
         assert terms[name] == pytest.approx(value, abs=tolerance), name
     parts = oneway.light_time_terms(y, a, station)
-    for name, value, tolerance in (("distance", 86058340.0, 5.0), ("motion", -281.28, 0.01), ("shapiro", 0.0263, 1e-4), ("second-order", 0.0033, 5e-5),
-                                   ("second-order-along", 0.0005, 5e-5), ("acceleration-missing", -0.0021, 5e-5)):  # fmt: skip
+    for name, value, tolerance in (
+        ("distance", 86058340.0, 5.0),
+        ("motion", -281.28, 0.01),
+        ("shapiro", 0.0263, 1e-4),
+        ("second-order", 0.0033, 5e-5),
+        ("second-order-along", 0.0005, 5e-5),
+        ("acceleration-missing", -0.0021, 5e-5),
+    ):
         assert parts[name] == pytest.approx(value, abs=tolerance), name
 
 
@@ -110,7 +124,9 @@ def test_range_is_the_mean_of_both_legs():
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_partials_against_differences(name):
-    """1e-4, which the one-station problem needs; the velocity columns of the rate leave out -tau times the position's."""
+    """1e-4, which the one-station problem needs; the velocity columns of the rate leave out -tau times the
+    position's.
+    """
     y, a, _, _, _, _, t, dynamics, itrs = scene(name)
     H, numeric = np.empty((2, 6)), np.empty((2, 6))
     twoway.partials_step(t, y, a, itrs, dynamics.params, H)

@@ -42,7 +42,8 @@ def test_nominal_state_and_observables(name):
 
 
 @pytest.mark.parametrize(("name", "epochs", "baseline", "angle", "first", "last"), [
-    ("ST", (85, 85), 2.37, 13.9, 26.7, 29.7), ("OE", (90, 90), 1.92, 12.7, 37.2, 33.1), ("BB", (87, 83), 1.87, 7.4, 15.7, 24.8), ("BC", (87, 83), 3.17, 14.1, 15.7, 24.8),
+    ("ST", (85, 85), 2.37, 13.9, 26.7, 29.7), ("OE", (90, 90), 1.92, 12.7, 37.2, 33.1),
+    ("BB", (87, 83), 1.87, 7.4, 15.7, 24.8), ("BC", (87, 83), 3.17, 14.1, 15.7, 24.8),
 ])  # fmt: skip
 def test_geometry(name, epochs, baseline, angle, first, last):
     session, dynamics = find_session(name), world(find_session(name))
