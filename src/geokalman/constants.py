@@ -22,6 +22,7 @@ AU: Final = 1.49597870700e11
 PARSEC: Final = 3.0856775814913673e16
 """Parsec [m], 648000/pi astronomical units (IAU 2015 resolution B2)."""
 GM_SUN: Final = 1.32712440018e20
-"""Heliocentric gravitational constant [m^3 s^-2] (IERS Conventions 2010 round to 1.32712442099e20 in TCB; this is TDB, DE405)."""
+"""Heliocentric gravitational constant [m^3 s^-2] (IERS Conventions 2010 round to 1.32712442099e20 in TCB; this is TDB,
+DE405)."""
 J2000: Final = 2451545.0
 """Julian date (TDB) of the epoch J2000.0 [d]."""

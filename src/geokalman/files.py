@@ -19,7 +19,8 @@ class CorruptedData(OSError):
 
 
 def project_root(start: Path | str | None = None) -> Path:
-    """Folder of the clone: `$GEOKALMAN_ROOT`, else upward from `start` (default: where we are), else the editable install.
+    """Folder of the clone: `$GEOKALMAN_ROOT`, else upward from `start` (default: where we are), else the editable
+    install.
 
     Raises ProjectNotFound where none of the three is a clone: an installed wheel carries the code alone.
     """

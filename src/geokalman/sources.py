@@ -31,7 +31,8 @@ def module_path(name: str) -> Path | None:
 
 
 def imported_modules(source: str, package: str = "") -> set[str]:
-    """Dotted names of the package's modules that the Python text `source` imports; `package` resolves relative imports."""
+    """Dotted names of the package's modules that the Python text `source` imports; `package` resolves relative
+    imports."""
     found = set()
     for node in ast.walk(ast.parse(source)):
         names: list[str] = []

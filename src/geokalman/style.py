@@ -1,7 +1,7 @@
 """One figure style for the whole book: the same colour and marker for the same method everywhere, light and dark.
 
-Colours are from Okabe & Ito's palette, safe for colour-blind readers; a few are lightened for dark pages. Line style and
-marker differ as well, so that a figure survives a grey print. Imports matplotlib only.
+Colours are from Okabe & Ito's palette, safe for colour-blind readers; a few are lightened for dark pages. Line style
+and marker differ as well, so that a figure survives a grey print. Imports matplotlib only.
 """
 
 from __future__ import annotations
@@ -99,7 +99,8 @@ SEQUENTIAL = "cividis"
 
 @contextmanager
 def theme(name: str = "light") -> Iterator[dict[str, str]]:
-    """Draw in the theme `light` or `dark`; yields its ink, paper and grid colours. Raises ValueError for another name."""
+    """Draw in the theme `light` or `dark`; yields its ink, paper and grid colours. Raises ValueError for another
+    name."""
     global _theme
     if name not in _THEMES:
         raise ValueError(f"theme {name!r} is unknown; the themes are {', '.join(_THEMES)}.")

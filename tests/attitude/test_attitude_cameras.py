@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.attitude import campaign, cameras, simulate, truth
+from geokalman.attitude import cameras, campaign, simulate, truth
 from geokalman.attitude.flight import camera_angles, in_satellite_axes
 from geokalman.attitude.model import AXES, QSA, Scenario, Tuning
 from geokalman.physics.quaternion import difference, exp, multiply

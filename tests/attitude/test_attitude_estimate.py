@@ -65,7 +65,8 @@ def test_rates(hours, solved):
 
 @pytest.mark.parametrize(("arw", "attitude", "rate"), [(2e-4, 1.1e-6, 5.8e-8), (2e-3, 3.0e-6, 5.0e-7)])
 def test_the_sweep_of_gyro_noise(hours, arw, attitude, rate):
-    """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles slowly."""
+    """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles
+    slowly."""
     tuned = Tuning(arw_deg_sqrt_h=arw)
     trip = flights.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
     table = assess.table_of([assess.statistics(solve(trip, s, tuned, ("mekf",)), trip.true_attitude(s)) for s in "CD"])

@@ -16,10 +16,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from geokalman.attitude import cameras
+from geokalman.attitude import cameras, timetags, write
 from geokalman.attitude import flight as flights
 from geokalman.attitude import read as day
-from geokalman.attitude import timetags, write
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.legacy import read_grace
 from geokalman.attitude.level1 import END, Level1Error, Level1Warning, Table, flag_meanings, read

@@ -13,10 +13,11 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from stopwatch import smallest, told, told_machine, told_part
+
 from geokalman.airborne import joint, read
 from geokalman.airborne.estimate import run_filter, run_smoother
 from geokalman.airborne.model import Tuning, build
-from stopwatch import smallest, told, told_machine, told_part
 
 
 def bench_filters() -> None:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import tempfile
 
+from stopwatch import smallest, told, told_machine, told_part
+
 from geokalman.attitude import estimate, flight, gyro, write
 from geokalman.attitude.model import GYRO_HZ, SATELLITES, Scenario, Tuning
-from stopwatch import smallest, told, told_machine, told_part
 
 
 def through_files(trip: flight.Flight, scenario: Scenario) -> flight.Flight:

@@ -17,6 +17,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 from scipy.linalg import blas
+from stopwatch import smallest, told, told_machine, told_part
 
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess, estimate, observables, recover, simulate
@@ -26,7 +27,6 @@ from geokalman.kalman.unscented import spread
 from geokalman.leastsquares import NormalEquations
 from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, design_block
-from stopwatch import smallest, told, told_machine, told_part
 
 
 def bench_orbits() -> None:
@@ -89,7 +89,8 @@ def bench_recovery(n_max: int = 70, rows: int = recover.BLOCK, right_sides: int 
 
 
 def bench_chain(days: float, n_max: int) -> None:
-    """Everything that the fifth notebook computes: orbits, data, eleven observables, recovery, unsmoothed geoid errors."""
+    """Everything that the fifth notebook computes: orbits, data, eleven observables, recovery, unsmoothed geoid
+    errors."""
     stages: dict[str, float] = {}
     start = time.perf_counter()
 

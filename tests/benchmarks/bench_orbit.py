@@ -10,6 +10,7 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before pyharm loads OpenMP
 
 import numpy as np
+from stopwatch import smallest, told, told_machine
 
 from geokalman.constants import GM_EARTH, OMEGA_EARTH
 from geokalman.physics.forces import gravity_force, gravity_params
@@ -20,7 +21,6 @@ from geokalman.physics.harmonics import load_field
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.physics.orbit import integrate
 from geokalman.physics.partials import column_count, design_block
-from stopwatch import smallest, told, told_machine
 
 N_MAX, POINTS = 70, 2000
 

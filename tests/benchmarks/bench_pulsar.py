@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import time
 
+from stopwatch import told, told_machine, told_part
+
 from geokalman.physics import mars
 from geokalman.pulsar import ensemble
 from geokalman.pulsar.dynamics import rich_force
 from geokalman.pulsar.ensemble import Method
 from geokalman.pulsar.model import Mission, preset
-from stopwatch import told, told_machine, told_part
 
 TABLE_3 = ["ekf", "aekf1_prw", "aekf2", "raekf", "aekf1_pr3", "ekf_tuned"]
 

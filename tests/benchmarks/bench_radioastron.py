@@ -2,20 +2,20 @@
 
     python tests/benchmarks/bench_radioastron.py
 
-Limits of the project, one core: 10 ms for the day, 20 s for the study; the whole part at most 4 minutes on two cores, for
-which the last build's own times stand (their sum on one core, half of it on two). The load of the machine is printed, for on
-a busy one all of this is slower. Never a gate.
+Limits of the project, one core: 10 ms for the day, 20 s for the study; the whole part at most 4 minutes on two cores,
+for which the last build's own times stand (their sum on one core, half of it on two). The load of the machine is
+printed, for on a busy one all of this is slower. Never a gate.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from stopwatch import smallest, told, told_machine, told_part
 
 from geokalman.radioastron import study
 from geokalman.radioastron.correlator import Setup, coherence
 from geokalman.radioastron.data import Levels
 from geokalman.radioastron.model import find_session, nominal_state, world
-from stopwatch import smallest, told, told_machine, told_part
 
 
 def main() -> None:

@@ -30,7 +30,9 @@ def told(label: str, value: float, unit: str, limit: float | None = None, note: 
 def told_machine() -> None:
     """Print what the times depend on."""
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "all")
-    print(f"load {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores, {threads} thread(s) of BLAS; smallest of several runs")
+    print(
+        f"load {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores, {threads} thread(s) of BLAS; smallest of several runs"
+    )
 
 
 def told_part(paper: str, minutes: float) -> None:

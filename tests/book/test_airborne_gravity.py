@@ -106,7 +106,9 @@ def test_a_file_of_ones_own_gives_the_same_numbers(run, tmp_path):
 def test_a_file_without_truth_is_estimated_and_not_judged(tmp_path):
     table = tables.read_table(data_path("kauring_2012.xz"))
     rows, bare = table["LINE"] == 104100, [name for name in HEADER if name not in ("GND_FA", "FRA100", "FRAL100")]
-    lines = [",".join(bare)] + [",".join(f"{v:.7f}" for v in row) for row in zip(*(table[n][rows] for n in bare), strict=True)]
+    lines = [",".join(bare)] + [
+        ",".join(f"{v:.7f}" for v in row) for row in zip(*(table[n][rows] for n in bare), strict=True)
+    ]
     (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
     given = {"data": str(tmp_path / "own.csv"), "lines": [104100]}
     execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)
@@ -125,7 +127,8 @@ def test_the_likelihood_finds_looser_tilts_on_a_few_lines_already(run):
 
 
 def test_errata_that_are_about_numbers(run):
-    """k3 of 1e-6 is 0.98 mGal; the file's two columns are swapped; the literal start ends in zero; both readings of D."""
+    """k3 of 1e-6 is 0.98 mGal; the file's two columns are swapped; the literal start ends in zero; both readings of
+    D."""
     start = reference.read_run(run("05-backward-start"))[1]
     assert abs(start["literal.last_point"]["value"]) < 1e-9 and start["literal.error"]["value"] > 10
     assert start["forward_certain.error"]["value"] < start["forward.filter_error"]["value"]

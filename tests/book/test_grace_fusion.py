@@ -41,7 +41,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
             if not (out / "provenance.json").is_file():
                 given = {"days": 5.0} if scale == "mid" else {}
                 threads = 1 if several else os.cpu_count()
-                execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads)
+                execute.run(
+                    ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads
+                )
         return out
 
     return executed
@@ -52,15 +54,23 @@ def test_anchors_of_the_specification(run, scale, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", scale)]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(scale, name))
-    problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem]
+    problems = [
+        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
 @pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))
 def test_stored_reference(run, scale, name):
     stored = reference.path_of(ROOT, f"{PAPER}/{name}", scale)
-    assert stored.is_file(), f"{name} has no reference at {scale} scale; store one: make reference REASON=... (it needs make book)"
-    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in reference.differences(ROOT, run(scale, name), scale) if d.problem]
+    assert stored.is_file(), (
+        f"{name} has no reference at {scale} scale; store one: make reference REASON=... (it needs make book)"
+    )
+    problems = [
+        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
+        for d in reference.differences(ROOT, run(scale, name), scale)
+        if d.problem
+    ]
     assert not problems, "\n".join(problems)
 
 
@@ -81,7 +91,8 @@ def test_every_notebook_of_the_paper_is_here():
 
 
 def test_book_anchors_name_what_is_recorded(run):
-    """A key of a paper-scale anchor is recorded by the quick run too, unless it needs degrees above 30 or days above 5."""
+    """A key of a paper-scale anchor is recorded by the quick run too, unless it needs degrees above 30 or days above
+    5."""
     name = "05-recovery"
     metrics = reference.read_run(run("quick", name))[1]
     keys = [a.key for a in reference.anchors(ROOT, PAPER) if a.notebook == f"{PAPER}/{name}" and a.mode == "book"]
@@ -92,9 +103,21 @@ def test_book_anchors_name_what_is_recorded(run):
 @pytest.mark.parametrize(
     ("name", "given", "message"),
     [
-        ("01-orbits", {"a_km": 6400.0}, r"01-orbits: cell \[\d+\]: ValueError: a_km = 6400 with e = 0.0018 has its perigee 10.3 km"),
-        ("05-recovery", {"days": 0.2}, r"05-recovery: cell \[\d+\]: ValueError: 377 epochs .* cannot determine the 957 coefficients of degrees 2 to 30; give at least 0.40 days"),
-        ("03-ekf", {"edge": 8000}, r"03-ekf: cell \[\d+\]: ValueError: edge = 8000 epochs at either end leave nothing of 14401"),
+        (
+            "01-orbits",
+            {"a_km": 6400.0},
+            r"01-orbits: cell \[\d+\]: ValueError: a_km = 6400 with e = 0.0018 has its perigee 10.3 km",
+        ),
+        (
+            "05-recovery",
+            {"days": 0.2},
+            r"05-recovery: cell \[\d+\]: ValueError: 377 epochs .* cannot determine the 957 coefficients of degrees 2 to 30; give at least 0.40 days",
+        ),
+        (
+            "03-ekf",
+            {"edge": 8000},
+            r"03-ekf: cell \[\d+\]: ValueError: edge = 8000 epochs at either end leave nothing of 14401",
+        ),
     ],
     ids=["low-orbit", "few-epochs", "large-edge"],
 )

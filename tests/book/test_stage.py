@@ -95,7 +95,9 @@ def test_a_name_of_a_figure_stands_once_in_the_book(toy_root: Path) -> None:
     toc = toy_root / "book/_toc.yml"
     line = f"    - file: {toybook.PAGE}\n"
     toc.write_text(toc.read_text().replace(line, f"{line}    - file: {other}\n"))
-    with pytest.raises(stage.StageError, match=f"'wave' names a figure or table of {toybook.PAGE} and .* {other}; rename"):
+    with pytest.raises(
+        stage.StageError, match=f"'wave' names a figure or table of {toybook.PAGE} and .* {other}; rename"
+    ):
         stage.stage(toy_root)
     assert not (toy_root / "book/_build/site").exists()
 
@@ -146,7 +148,9 @@ def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
 
 
 def test_run_times_and_the_package_list(toy_root: Path) -> None:
-    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all of {doc}`/toy/index` | 1.5 |\n| the whole book | 1.5 |" in blocks.fill("<!-- run-times -->", toy_root)
+    assert "| {doc}`/toy/01-wave` | 1.5 |\n| all of {doc}`/toy/index` | 1.5 |\n| the whole book | 1.5 |" in blocks.fill(
+        "<!-- run-times -->", toy_root
+    )
     module = toy_root / "src/geokalman/part.py"
     module.parent.mkdir(parents=True)
     module.write_text(

@@ -17,7 +17,8 @@ from geokalman.physics.harmonics import cell_centred_grid, degree_variance, load
 
 @pytest.fixture
 def recovery() -> Recovery:
-    """EGM96 to degree 6 with one coefficient changed by 1e-9, and one sign-preserving error that cancels in the variance."""
+    """EGM96 to degree 6 with one coefficient changed by 1e-9, and one sign-preserving error that cancels in the
+    variance."""
     truth = load_field("EGM96", 6)
     C, S = np.repeat(truth.C[None], 2, axis=0), np.repeat(truth.S[None], 2, axis=0)
     C[0, 4, 2] += 1e-9
@@ -31,7 +32,8 @@ def truth():
     return load_field("EGM96", 6)
 
 
-# --- statistics ----------------------------------------------------------------------------------------------------------
+# --- statistics
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_statistics_leave_the_edges_out():
@@ -43,7 +45,9 @@ def test_statistics_leave_the_edges_out():
 
 @pytest.mark.parametrize(("edge", "n"), [(5, 10), (100, 150), (-1, 10), (0, 0)])
 def test_an_edge_too_large(edge, n):
-    with pytest.raises(ValueError, match=f"edge = {edge} epochs at either end leave nothing of {n}; give a smaller edge or more days"):
+    with pytest.raises(
+        ValueError, match=f"edge = {edge} epochs at either end leave nothing of {n}; give a smaller edge or more days"
+    ):
         assess.inner(np.zeros(n), edge)
 
 
@@ -61,16 +65,21 @@ def test_residual_is_method_minus_simulation(tiny):
 
 def test_geometric_ratio_and_shares():
     assert assess.geometric_ratio(np.array([2.0, 8.0]), np.array([1.0, 1.0])) == pytest.approx(4.0)
-    shares = assess.smallest_share({"a": np.array([1, 2, 3, 9.0]), "b": np.array([2, 1, 4, 8.0]), "c": np.full(4, 10.0)})
+    shares = assess.smallest_share(
+        {"a": np.array([1, 2, 3, 9.0]), "b": np.array([2, 1, 4, 8.0]), "c": np.full(4, 10.0)}
+    )
     assert shares == {"a": 0.5, "b": 0.5, "c": 0.0}
 
 
-# --- pairs ---------------------------------------------------------------------------------------------------------------
+# --- pairs
+# ---------------------------------------------------------------------------------------------------------------
 
 
 def test_difference_of_two_pairs(tiny):
     A = tiny.orbit.A.copy()
-    A[100, :3] += 2e-3 * tiny.orbit.dr[100] / np.linalg.norm(tiny.orbit.dr[100])  # along the line of sight: no change of e
+    A[100, :3] += (
+        2e-3 * tiny.orbit.dr[100] / np.linalg.norm(tiny.orbit.dr[100])
+    )  # along the line of sight: no change of e
     A[50, 3:] += 3e-4 * tiny.orbit.dr[50] / np.linalg.norm(tiny.orbit.dr[50])
     rate, position = assess.pair_difference(OrbitPair(tiny.orbit.t, A, tiny.orbit.B), tiny.orbit)
     assert position == pytest.approx(2e-3, rel=1e-5)
@@ -93,7 +102,8 @@ def test_drift_per_revolution():
 
 
 def test_node_gap_of_a_uniform_orbit():
-    """One node a revolution, each omega_E T further west; three nodes leave the rest of the circle as the largest gap."""
+    """One node a revolution, each omega_E T further west; three nodes leave the rest of the circle as the largest
+    gap."""
     step = np.degrees(OMEGA_EARTH * 6000.0)
     gaps = assess.largest_node_gap(uniform(15), [3 * 6000 / 86400, 14.5 * 6000 / 86400])
     assert gaps[0] == pytest.approx(360 - 2 * step, abs=1e-6)
@@ -109,7 +119,8 @@ def test_node_gap_after_five_days(mid):
     assert assess.largest_node_gap(mid.orbit, [5.0])[0] == pytest.approx(7.3, abs=0.05)
 
 
-# --- spectra and maps ----------------------------------------------------------------------------------------------------
+# --- spectra and maps
+# ----------------------------------------------------------------------------------------------------
 
 
 def test_spectrum_of_one_wrong_coefficient(recovery, truth):
@@ -125,7 +136,9 @@ def test_errors_cancel_in_the_variance_and_not_in_the_amplitude(recovery, truth)
     """Why the paper's Figure 5 is not the meaningful one."""
     found = assess.spectrum(recovery, "turned", truth)
     assert found.difference[5] <= 1e-15 * found.variance[5]
-    assert found.amplitude[5] == pytest.approx(truth.radius * np.sqrt(2) * abs(truth.C[5, 3] - truth.S[5, 3]), rel=1e-12)
+    assert found.amplitude[5] == pytest.approx(
+        truth.radius * np.sqrt(2) * abs(truth.C[5, 3] - truth.S[5, 3]), rel=1e-12
+    )
 
 
 def test_formal_amplitude_is_the_propagated_white_noise(recovery, truth):
@@ -142,7 +155,16 @@ def test_degree_variances_of_the_input_field():
     for n, wanted in ((10, 1.26315e-13), (30, 3.57376e-15), (50, 1.56162e-15), (70, 5.50948e-16)):
         assert variance[n] == pytest.approx(wanted, rel=5e-6)
     amplitude = truth.radius * np.sqrt(variance)
-    for n, wanted in ((2, 3088.12), (10, 2.26684), (20, 0.60503), (30, 0.38129), (40, 0.27893), (50, 0.25205), (60, 0.19724), (70, 0.14971)):
+    for n, wanted in (
+        (2, 3088.12),
+        (10, 2.26684),
+        (20, 0.60503),
+        (30, 0.38129),
+        (40, 0.27893),
+        (50, 0.25205),
+        (60, 0.19724),
+        (70, 0.14971),
+    ):
         assert amplitude[n] == pytest.approx(wanted, rel=3e-5)
 
 

@@ -10,14 +10,23 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from geokalman.grace import assess, estimate, observables
-from geokalman.grace.differentiate import _exact_weights, central_weights, derivative, noise_gain, spline_derivative, transfer
+from geokalman.grace.differentiate import (
+    _exact_weights,
+    central_weights,
+    derivative,
+    noise_gain,
+    spline_derivative,
+    transfer,
+)
 from geokalman.grace.model import distance, range_rate
 
 REVOLUTION = 5626.0  # s: section 2 of the specification
 
 
 def test_nine_points_as_printed():
-    np.testing.assert_allclose(central_weights(9), [1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280], rtol=1e-15)
+    np.testing.assert_allclose(
+        central_weights(9), [1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280], rtol=1e-15
+    )
     second = [-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]
     np.testing.assert_allclose(central_weights(9, 2), second, rtol=1e-15)
 
@@ -47,7 +56,8 @@ def test_nine_points_are_exact_on_polynomials_up_to_degree_8(degree, order):
 
 
 def test_nine_points_are_not_exact_on_degree_9():
-    """The interpolation error of x^9 is x (x^2 - 1)(x^2 - 4)(x^2 - 9)(x^2 - 16): its slope at 0, 4!^2, is what is missed."""
+    """The interpolation error of x^9 is x (x^2 - 1)(x^2 - 4)(x^2 - 9)(x^2 - 16): its slope at 0, 4!^2, is what is
+    missed."""
     x = np.arange(-4.0, 5.0)
     assert derivative(x**9, 1.0)[4] == pytest.approx(-(24.0**2), rel=1e-12)
 
@@ -57,17 +67,24 @@ def test_derivative_of_a_range_keeps_its_small_digits():
     t = 30.0 * np.arange(300)
     signal = 1e-3 * np.sin(2 * np.pi * t / REVOLUTION)
     quantised = (2.2e5 + signal) - 2.2e5
-    np.testing.assert_allclose(derivative(2.2e5 + signal, 30.0)[4:-4], derivative(quantised, 30.0)[4:-4], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        derivative(2.2e5 + signal, 30.0)[4:-4], derivative(quantised, 30.0)[4:-4], rtol=0, atol=1e-15
+    )
 
 
 def test_vectors_are_differentiated_by_component():
     rng = np.random.default_rng(0)
     series = rng.standard_normal((30, 3))
     np.testing.assert_array_equal(derivative(series, 5.0), np.column_stack([derivative(c, 5.0) for c in series.T]))
-    np.testing.assert_allclose(spline_derivative(series, 5.0, 7), np.column_stack([spline_derivative(c, 5.0, 7) for c in series.T]), rtol=1e-9)
+    np.testing.assert_allclose(
+        spline_derivative(series, 5.0, 7), np.column_stack([spline_derivative(c, 5.0, 7) for c in series.T]), rtol=1e-9
+    )
 
 
-@pytest.mark.parametrize(("cycles", "gain", "digits"), [(10, 1.0, 4), (30, 0.9987, 4), (40, 0.990, 3), (50, 0.954, 3), (60, 0.861, 3), (70, 0.680, 3)])
+@pytest.mark.parametrize(
+    ("cycles", "gain", "digits"),
+    [(10, 1.0, 4), (30, 0.9987, 4), (40, 0.990, 3), (50, 0.954, 3), (60, 0.861, 3), (70, 0.680, 3)],
+)
 def test_transfer_of_nine_points(cycles, gain, digits):
     """Section 2's table, to its last digit."""
     assert float(transfer(np.array(cycles / REVOLUTION), 30.0)) == pytest.approx(gain, abs=0.5 * 10**-digits)
@@ -82,7 +99,12 @@ def test_transfer_is_what_happens_to_a_wave(points, order):
     exact = {1: 2 * np.pi * f * np.cos(2 * np.pi * f * t), 2: -((2 * np.pi * f) ** 2) * wave}[order]
     inside = slice(points // 2, -(points // 2))
     ours = derivative(wave, dt, points, order)[inside]
-    np.testing.assert_allclose(ours, float(transfer(np.array(f), dt, points, order)) * exact[inside], rtol=0, atol=1e-13 * np.abs(exact).max() * 10)
+    np.testing.assert_allclose(
+        ours,
+        float(transfer(np.array(f), dt, points, order)) * exact[inside],
+        rtol=0,
+        atol=1e-13 * np.abs(exact).max() * 10,
+    )
 
 
 def test_transfer_of_a_constant_is_one():
@@ -104,11 +126,14 @@ def test_splines_are_exact_on_polynomials_of_their_degree(degree, order):
     t = 30.0 * np.arange(60)
     p = Polynomial(np.random.default_rng(degree).standard_normal(degree + 1), domain=[0, t[-1]])
     scale = np.abs(p.deriv(order)(t)).max()
-    np.testing.assert_allclose(spline_derivative(p(t), 30.0, degree, order), p.deriv(order)(t), rtol=0, atol=1e-8 * scale)
+    np.testing.assert_allclose(
+        spline_derivative(p(t), 30.0, degree, order), p.deriv(order)(t), rtol=0, atol=1e-8 * scale
+    )
 
 
 def test_spline_error_falls_with_its_degree():
-    """A wave of 8 epochs: its alias has 7 / 8, and the error goes with (1/7)^degree: four degrees more are worth 4.2e-4."""
+    """A wave of 8 epochs: its alias has 7 / 8, and the error goes with (1/7)^degree: four degrees more are worth
+    4.2e-4."""
     t = np.arange(400.0)
     wave, slope = np.sin(2 * np.pi * t / 8), 2 * np.pi / 8 * np.cos(2 * np.pi * t / 8)
     inside = slice(100, 300)
@@ -117,7 +142,8 @@ def test_spline_error_falls_with_its_degree():
     assert errors[7] / errors[3] == pytest.approx(7.0**-4, rel=0.3)
 
 
-# --- the specification's numbers -----------------------------------------------------------------------------------------
+# --- the specification's numbers
+# -----------------------------------------------------------------------------------------
 
 
 def test_newton_row_at_degree_70(mid):
@@ -147,12 +173,15 @@ def test_degree_11_spline_is_190_times_better(mid):
     assert nine / spline == pytest.approx(190, rel=0.25)
 
 
-# --- what is refused ------------------------------------------------------------------------------------------------------
+# --- what is refused
+# ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("points", [8, 2, 1, 0])
 def test_stencils_without_a_middle(points):
-    with pytest.raises(ValueError, match=f"a central stencil of {points} points has no middle; give an odd number, 3 or more"):
+    with pytest.raises(
+        ValueError, match=f"a central stencil of {points} points has no middle; give an odd number, 3 or more"
+    ):
         central_weights(points)
 
 

@@ -1,4 +1,5 @@
-"""The three methods: against other filters, closed forms, plain Python, noise statistics, and the specification's numbers."""
+"""The three methods: against other filters, closed forms, plain Python, noise statistics, and the specification's
+numbers."""
 
 from __future__ import annotations
 
@@ -38,7 +39,9 @@ def core_position_filter(data: Observations, tuning: Tuning):
     H = np.hstack([np.eye(3), np.zeros((3, 6))])
     t = data.dt * np.arange(len(data.rate))
     prior = kalman.gaussian(data.prior_mean, data.prior_cov)
-    return kalman.filter_linear(prior, t, data.baseline, H, tuning.sigma_r**2 * np.eye(3), kinematic(data.dt, tuning.q(data.dt)))
+    return kalman.filter_linear(
+        prior, t, data.baseline, H, tuning.sigma_r**2 * np.eye(3), kinematic(data.dt, tuning.q(data.dt))
+    )
 
 
 def core_fused_filter(data: Observations, tuning: Tuning, which: str):
@@ -51,12 +54,21 @@ def core_fused_filter(data: Observations, tuning: Tuning, which: str):
         return H[None]
 
     sensors = [
-        kalman.Sensor(z=data.baseline, h=lambda x, t: x[:3], H=lambda x, t: np.eye(3, 9), R=tuning.sigma_r**2 * np.eye(3)),
-        kalman.Sensor(z=data.rate[:, None], h=lambda x, t: np.array([range_rate(x[:3], x[3:6])]), H=gradient, R=tuning.sigma_rr(data.dt) ** 2 * np.eye(1)),
+        kalman.Sensor(
+            z=data.baseline, h=lambda x, t: x[:3], H=lambda x, t: np.eye(3, 9), R=tuning.sigma_r**2 * np.eye(3)
+        ),
+        kalman.Sensor(
+            z=data.rate[:, None],
+            h=lambda x, t: np.array([range_rate(x[:3], x[3:6])]),
+            H=gradient,
+            R=tuning.sigma_rr(data.dt) ** 2 * np.eye(1),
+        ),
     ]
     prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), data.dt * np.arange(len(data.rate))
     if which == "ukf":
-        return kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, sensors, alpha=tuning.alpha, beta=tuning.beta, kappa=tuning.kappa)
+        return kalman.filter_unscented(
+            prior, t, lambda x, t0, t1: Phi @ x, Q, sensors, alpha=tuning.alpha, beta=tuning.beta, kappa=tuning.kappa
+        )
     return kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, sensors)
 
 
@@ -66,7 +78,8 @@ def assert_same(ours, theirs, P, rel):
     assert np.abs((ours - theirs) / sigma).max() < rel
 
 
-# --- against other filters ------------------------------------------------------------------------------------------------
+# --- against other filters
+# ------------------------------------------------------------------------------------------------
 
 
 def test_position_filter_is_the_core_linear_filter(short):
@@ -91,7 +104,10 @@ def test_fused_filters_are_the_core_filters(short, which):
 @pytest.mark.parametrize("which", ["ukf", "ekf"])
 def test_simultaneous_filters_are_the_core_filters_of_one_vector(tiny, which):
     """Position and range-rate in one sensor of four components."""
-    data, tuning = Observations(30.0, tiny.data.baseline[:40], tiny.data.rate[:40], tiny.data.prior_mean, tiny.data.prior_cov), Tuning()
+    data, tuning = (
+        Observations(30.0, tiny.data.baseline[:40], tiny.data.rate[:40], tiny.data.prior_mean, tiny.data.prior_cov),
+        Tuning(),
+    )
     Phi, Q = kinematic(30.0, tuning.q(30.0))
 
     def gradient(x, t):
@@ -101,11 +117,16 @@ def test_simultaneous_filters_are_the_core_filters_of_one_vector(tiny, which):
 
     R = np.diag(np.r_[np.full(3, tuning.sigma_r**2), tuning.sigma_rr(30.0) ** 2])
     sensor = kalman.Sensor(
-        z=np.column_stack([data.baseline, data.rate]), R=R, H=gradient, h=lambda x, t: np.append(x[:3], range_rate(x[:3], x[3:6]))
+        z=np.column_stack([data.baseline, data.rate]),
+        R=R,
+        H=gradient,
+        h=lambda x, t: np.append(x[:3], range_rate(x[:3], x[3:6])),
     )
     prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), 30.0 * np.arange(40)
     if which == "ukf":
-        theirs = kalman.filter_unscented(prior, t, lambda x, t0, t1: Phi @ x, Q, [sensor], alpha=1.0, beta=0.0, kappa=2.0)
+        theirs = kalman.filter_unscented(
+            prior, t, lambda x, t0, t1: Phi @ x, Q, [sensor], alpha=1.0, beta=0.0, kappa=2.0
+        )
     else:
         theirs = kalman.filter_extended(prior, t, lambda x, t0, t1: Phi @ x, lambda x, t0, t1: Phi, Q, [sensor])
     ours = {"ukf": estimate.ukf, "ekf": estimate.fused_ekf}[which](data, tuning, "simultaneous")
@@ -121,7 +142,9 @@ def test_three_states_per_axis_are_the_nine_states(tiny):
     for axis in range(3):
         prior = kalman.gaussian(data.prior_mean[axis::3], np.diag(data.prior_cov)[axis::3])
         model = kalman.white_jerk(data.dt, tuning.q(data.dt), axes=1)
-        three = kalman.filter_linear(prior, t, data.baseline[:, axis : axis + 1], [[1.0, 0.0, 0.0]], [[tuning.sigma_r**2]], model)
+        three = kalman.filter_linear(
+            prior, t, data.baseline[:, axis : axis + 1], [[1.0, 0.0, 0.0]], [[tuning.sigma_r**2]], model
+        )
         np.testing.assert_allclose(nine.filtered.x[:, axis::3], three.mean, rtol=0, atol=1e-9)
         np.testing.assert_allclose(nine.smoothed.x[:, axis::3], kalman.smooth(three).mean, rtol=0, atol=1e-9)
 
@@ -129,14 +152,18 @@ def test_three_states_per_axis_are_the_nine_states(tiny):
 def test_unscented_update_of_a_linear_observation_is_the_kalman_update():
     """Section 8: UKF = KF for a linear observation to 1e-10, at the prior of the application."""
     Phi, Q = kinematic(30.0, Tuning().q(30.0))
-    prior = kalman.gaussian([2e5, 1e4, -3e4, 20.0, -5.0, 3.0, 0.1, 0.2, -0.3], Phi @ np.diag(np.repeat([1e-4, 1e-6, 1e-8], 3)) @ Phi.T + Q)
+    prior = kalman.gaussian(
+        [2e5, 1e4, -3e4, 20.0, -5.0, 3.0, 0.1, 0.2, -0.3], Phi @ np.diag(np.repeat([1e-4, 1e-6, 1e-8], 3)) @ Phi.T + Q
+    )
     H, R, z = np.eye(3, 9), 1e-6 * np.eye(3), np.array([2e5 + 0.3, 1e4 - 0.2, -3e4 + 0.1])
     linear, _ = kalman.linear.update(prior, z, H, R)
     sigma, _ = unscented.update(prior, z, lambda x: H @ x, R, alpha=1.0, beta=0.0, kappa=2.0)
     scale = np.sqrt(np.diag(linear.cov))
     np.testing.assert_allclose((sigma.mean - linear.mean) / scale, 0.0, atol=1e-7)  # 1e-10 m on 2e5 m
     np.testing.assert_allclose(sigma.mean, linear.mean, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(sigma.cov / np.outer(scale, scale), linear.cov / np.outer(scale, scale), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(
+        sigma.cov / np.outer(scale, scale), linear.cov / np.outer(scale, scale), rtol=0, atol=1e-9
+    )
 
 
 def test_sequential_position_is_joint_position(short):
@@ -148,7 +175,8 @@ def test_sequential_position_is_joint_position(short):
             np.testing.assert_array_equal(method(silent, Tuning(), update).smoothed.x, reference.smoothed.x)
 
 
-# --- gradient of the range-rate -------------------------------------------------------------------------------------------
+# --- gradient of the range-rate
+# -------------------------------------------------------------------------------------------
 
 
 def test_gradient_of_the_range_rate_by_complex_step(tiny):
@@ -183,7 +211,8 @@ def test_rate_sigma_is_the_propagated_covariance(short):
         assert s == pytest.approx(np.sqrt(H @ filtered.P[k] @ H), rel=1e-12)
 
 
-# --- compiled and plain ---------------------------------------------------------------------------------------------------
+# --- compiled and plain
+# ---------------------------------------------------------------------------------------------------
 
 _PLAIN = """
 import json, sys
@@ -204,10 +233,21 @@ json.dump(out, sys.stdout)
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 def test_compiled_loops_are_the_plain_ones(short):
     """Every loop with all its callees, without compilation, in another process; only fused multiply-adds may differ."""
-    given = {"dt": short.dt, "baseline": short.baseline, "rate": short.rate, "prior_mean": short.prior_mean, "prior_cov": short.prior_cov}
+    given = {
+        "dt": short.dt,
+        "baseline": short.baseline,
+        "rate": short.rate,
+        "prior_mean": short.prior_mean,
+        "prior_cov": short.prior_cov,
+    }
     text = json.dumps({k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in given.items()})
     done = subprocess.run(
-        [sys.executable, "-c", _PLAIN], input=text, capture_output=True, text=True, check=True, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}
+        [sys.executable, "-c", _PLAIN],
+        input=text,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
     )
     for key, (filtered, smoothed, P, innovations) in json.loads(done.stdout).items():
         name, update = key.split("-")
@@ -219,13 +259,16 @@ def test_compiled_loops_are_the_plain_ones(short):
         np.testing.assert_allclose(ours.innovations, np.array(innovations), rtol=0, atol=1e-4)
 
 
-# --- gaps -----------------------------------------------------------------------------------------------------------------
+# --- gaps
+# -----------------------------------------------------------------------------------------------------------------
 
 
 def test_gaps_leave_no_innovation_and_no_nan(short):
     for update in ("sequential", "simultaneous"):
         found = estimate.ukf(short, Tuning(), update, covariances=True)
-        np.testing.assert_array_equal(np.isnan(found.innovations), np.column_stack([np.isnan(short.baseline), np.isnan(short.rate)]))
+        np.testing.assert_array_equal(
+            np.isnan(found.innovations), np.column_stack([np.isnan(short.baseline), np.isnan(short.rate)])
+        )
         assert np.isfinite(found.filtered.x).all() and np.isfinite(found.smoothed.x).all()
 
 
@@ -245,7 +288,8 @@ def test_position_filter_needs_no_range_rates(short):
     np.testing.assert_array_equal(estimate.ekf(silent, Tuning()).smoothed.x, estimate.ekf(short, Tuning()).smoothed.x)
 
 
-# --- what cannot be estimated ---------------------------------------------------------------------------------------------
+# --- what cannot be estimated
+# ---------------------------------------------------------------------------------------------
 
 
 def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
@@ -264,14 +308,27 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e306], 3))
     data = Observations(30.0, tiny.data.baseline[:20], tiny.data.rate[:20], tiny.data.prior_mean, wide)
     for method in METHODS.values():
-        with pytest.raises(NotPositiveDefinite, match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b"), np.errstate(all="ignore"):
+        with (
+            pytest.raises(
+                NotPositiveDefinite,
+                match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b",
+            ),
+            np.errstate(all="ignore"),
+        ):
             method(data, Tuning())
     for method in (estimate.ukf, estimate.fused_ekf):
         with pytest.raises(NotPositiveDefinite, match=r"at epoch 1\b"), np.errstate(all="ignore"):
             method(data, Tuning(), "simultaneous")
 
 
-@pytest.mark.parametrize(("method", "matrix"), [("ekf", "predicted covariance"), ("ukf", "covariance of the state or of the innovation"), ("fused_ekf", "covariance of the state or of the innovation")])
+@pytest.mark.parametrize(
+    ("method", "matrix"),
+    [
+        ("ekf", "predicted covariance"),
+        ("ukf", "covariance of the state or of the innovation"),
+        ("fused_ekf", "covariance of the state or of the innovation"),
+    ],
+)
 def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
     """Forty orders of magnitude between prior and observation: filter or smoother says where it lost its digits."""
     wide = np.diag(np.repeat([1e-4, 1e-6, 1e20], 3))
@@ -293,11 +350,13 @@ def test_one_epoch_is_enough_for_a_filter(tiny):
     np.testing.assert_array_equal(found.smoothed.P, found.filtered.P)
 
 
-# --- errata of section 5 --------------------------------------------------------------------------------------------------
+# --- errata of section 5
+# --------------------------------------------------------------------------------------------------
 
 
 def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
-    """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do not."""
+    """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do
+    not."""
     Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
     assert Wm.shape == Wc.shape == (estimate.SIGMA_POINTS,) == (19,)
     assert Wm[0] == pytest.approx(2 / 11) and Wc[0] == pytest.approx(2 / 11)
@@ -339,18 +398,21 @@ def test_errata_39_41_need_process_and_observation_noise(short):
 
 
 def test_erratum_52_order_of_the_state(short):
-    """H of (52) picks the relative position from [dr, dv, da]; in the printed order it would observe an acceleration."""
+    """H of (52) picks the relative position from [dr, dv, da]; in the printed order it would observe an
+    acceleration."""
     x = estimate.ekf(short, Tuning()).filtered
     there = ~np.isnan(short.baseline).any(axis=1)
     assert np.abs(x.dr - short.baseline)[there].max() < 1.0
     assert np.abs(x.x[:, 6:] - short.baseline)[there].max() > 1e4
 
 
-# --- honesty under noise --------------------------------------------------------------------------------------------------
+# --- honesty under noise
+# --------------------------------------------------------------------------------------------------
 
 
 def white_jerk_truth(seed: int, n: int = 40):
-    """A truth that moves as the filter thinks: white jerk, a prior drawn from N(mean, P0), positions and rates with noise."""
+    """A truth that moves as the filter thinks: white jerk, a prior drawn from N(mean, P0), positions and rates with
+    noise."""
     rng, tuning = np.random.default_rng(seed), Tuning.from_densities(30.0, 1e-11, 0.02, 3e-6)
     Phi, Q = kinematic(30.0, tuning.q(30.0))
     mean = np.r_[1.2e5, -1.5e5, 9e4, 30.0, 40.0, -20.0, 0.02, 0.03, -0.01]
@@ -368,7 +430,8 @@ def white_jerk_truth(seed: int, n: int = 40):
 
 @pytest.mark.parametrize("name", ["ekf", "ukf", "fused_ekf"])
 def test_covariances_are_honest(name):
-    """NEES of filter and smoother and NIS of the innovations inside the 99.9 % chi-square bounds; innovations are white."""
+    """NEES of filter and smoother and NIS of the innovations inside the 99.9 % chi-square bounds; innovations are
+    white."""
     runs = 12 if numba.config.DISABLE_JIT else 60
     filtered, smoothed, innovations = [], [], []
     for seed in range(runs):
@@ -400,7 +463,8 @@ def test_filters_on_a_wrong_noise_are_found_out():
     assert found.mean() > kalman.chi_square_bounds(dof, 0.999)[1]
 
 
-# --- smoother and spline --------------------------------------------------------------------------------------------------
+# --- smoother and spline
+# --------------------------------------------------------------------------------------------------
 
 
 def test_smoother_with_a_free_jerk_is_the_quintic_spline():
@@ -418,7 +482,8 @@ def test_smoother_with_a_free_jerk_is_the_quintic_spline():
     assert np.abs(ours - spline)[inside].max() < 0.02 * np.abs(spline - slope)[inside].max()
 
 
-# --- the specification's numbers -------------------------------------------------------------------------------------------
+# --- the specification's numbers
+# -------------------------------------------------------------------------------------------
 
 
 def residual(rate, flight):
@@ -442,7 +507,16 @@ def test_ekf_row_at_degree_30(quick):
 
 @pytest.mark.parametrize(
     ("lambda_q", "rate", "los"),
-    [(1500, 11.36, 0.86), (3000, 8.37, 2.40), (4000, 7.60, 2.93), (4500, 7.35, 3.11), (5000, 7.14, 3.25), (6000, 6.83, 3.47), (8000, 6.45, 3.75), (1e5, 5.37, 4.53)],
+    [
+        (1500, 11.36, 0.86),
+        (3000, 8.37, 2.40),
+        (4000, 7.60, 2.93),
+        (4500, 7.35, 3.11),
+        (5000, 7.14, 3.25),
+        (6000, 6.83, 3.47),
+        (8000, 6.45, 3.75),
+        (1e5, 5.37, 4.53),
+    ],
 )
 def test_curve_of_weights(mid, lambda_q, rate, los):
     """Table of section 6.2, 1e-7 m/s within 1 %, 1e-8 m/s^2 within its last digit."""
@@ -478,7 +552,15 @@ def test_extended_and_unscented_filter_agree_on_the_same_data(mid, mid_ukf):
 
 @pytest.mark.parametrize(
     ("sigma", "rate", "los"),
-    [(1e-5, 2.2e-9, 1.10), (3e-5, 2.0e-8, 1.02), (5e-5, 5.1e-8, 0.89), (7e-5, 9.3e-8, 0.75), (1e-4, 1.66e-7, 0.67), (2e-4, 3.86e-7, 1.42), (3e-4, 5.20e-7, 2.07)],
+    [
+        (1e-5, 2.2e-9, 1.10),
+        (3e-5, 2.0e-8, 1.02),
+        (5e-5, 5.1e-8, 0.89),
+        (7e-5, 9.3e-8, 0.75),
+        (1e-4, 1.66e-7, 0.67),
+        (2e-4, 3.86e-7, 1.42),
+        (3e-4, 5.20e-7, 2.07),
+    ],
 )
 def test_residual_can_be_dialled(mid, sigma, rate, los):
     """Table of section 6.3, to its last digit."""

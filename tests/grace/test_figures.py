@@ -1,6 +1,8 @@
-"""Every figure of the paper: the data in the lines, the limits, the labels with their units, in both themes; and smoke images.
+"""Every figure of the paper: the data in the lines, the limits, the labels with their units, in both themes; and smoke
+images.
 
-The images (`--mpl`) catch what no artist tells; they are small, and text is removed, since fonts differ between machines.
+The images (`--mpl`) catch what no artist tells; they are small, and text is removed, since fonts differ between
+machines.
 """
 
 from __future__ import annotations
@@ -56,7 +58,8 @@ def circle(radius: float) -> np.ndarray:
     return radius * np.column_stack([np.cos(u), 0.3 * np.sin(u), np.sin(u)])
 
 
-# --- figures.py ----------------------------------------------------------------------------------------------------------
+# --- figures.py
+# ----------------------------------------------------------------------------------------------------------
 
 
 def test_orbits_3d(theme):
@@ -68,7 +71,11 @@ def test_orbits_3d(theme):
         [orbit] = axes.get_lines()
         np.testing.assert_allclose(np.array(orbit.get_data_3d()).T, position / 1e6, rtol=1e-15)
         assert same_color(orbit.get_color(), getattr(METHODS[method], theme["name"]))
-        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()) == ("x [1000 km]", "y [1000 km]", "z [1000 km]")
+        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()) == (
+            "x [1000 km]",
+            "y [1000 km]",
+            "z [1000 km]",
+        )
         [globe] = axes.collections
         assert np.linalg.norm(globe._segments3d[0][0]) == pytest.approx(A_EARTH / 1e6)
 
@@ -107,11 +114,16 @@ def test_residuals(theme):
     figure = figures.residuals(T, series, [["newton", "ukf"], ["ekf", "ukf"]])
     assert_dressed(figure, theme)
     upper, lower = figure.axes
-    for axes, group, letter in ((upper, ("newton", "ukf"), "(a) Newton and UKF"), (lower, ("ekf", "ukf"), "(b) EKF and UKF")):
+    for axes, group, letter in (
+        (upper, ("newton", "ukf"), "(a) Newton and UKF"),
+        (lower, ("ekf", "ukf"), "(b) EKF and UKF"),
+    ):
         assert axes.get_title(loc="left") == letter
         assert axes.get_ylabel() == "residual [µm/s]"
         assert texts(axes.get_legend()) == [METHODS[name].label for name in group]
-        assert [a.get_label() for a in axes.get_lines()] == [METHODS[name].label for name in group]  # the first at the back
+        assert [a.get_label() for a in axes.get_lines()] == [
+            METHODS[name].label for name in group
+        ]  # the first at the back
         for name in group:
             drawn = line(axes, METHODS[name].label)
             np.testing.assert_allclose(drawn.get_xydata(), np.column_stack([T / 86400, 1e6 * series[name]]), rtol=1e-15)
@@ -144,7 +156,11 @@ def test_transfer_functions(theme):
 
 def test_error_against_step(theme):
     dts = np.array([5.0, 10.0, 30.0])
-    curves = {"D9 of range": ("m/s", 1e-10 * dts**4), "D9 of range-rate": ("m/s²", 1e-13 * dts**4), "D9 D9 of range": ("m/s²", 1e-12 * dts**4)}
+    curves = {
+        "D9 of range": ("m/s", 1e-10 * dts**4),
+        "D9 of range-rate": ("m/s²", 1e-13 * dts**4),
+        "D9 D9 of range": ("m/s²", 1e-12 * dts**4),
+    }
     figure = figures.error_against_step(dts, curves)
     assert_dressed(figure, theme)
     left, right = figure.axes
@@ -159,7 +175,11 @@ def test_error_against_step(theme):
 
 
 def test_weight_curve(theme):
-    lambdas, rate, los = np.array([1500.0, 4250.0, 1e5]), np.array([11e-7, 7.5e-7, 5.4e-7]), np.array([0.9e-8, 3e-8, 4.5e-8])
+    lambdas, rate, los = (
+        np.array([1500.0, 4250.0, 1e5]),
+        np.array([11e-7, 7.5e-7, 5.4e-7]),
+        np.array([0.9e-8, 3e-8, 4.5e-8]),
+    )
     figure = figures.weight_curve(lambdas, rate, los, 4250.0, 7.46e-7)
     assert_dressed(figure, theme)
     left, right = figure.axes
@@ -179,7 +199,9 @@ def test_literal_filter(theme):
     figure = figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, sigma)
     assert_dressed(figure, theme)
     [axes] = figure.axes
-    np.testing.assert_allclose(line(axes, "residual, no smoother").get_xydata(), np.column_stack([T / 3600, 0.6 + WAVE]))
+    np.testing.assert_allclose(
+        line(axes, "residual, no smoother").get_xydata(), np.column_stack([T / 3600, 0.6 + WAVE])
+    )
     [band] = axes.collections
     extent = band.get_paths()[0].get_extents()
     assert (extent.y0, extent.y1) == (pytest.approx(-0.9), pytest.approx(0.9))
@@ -189,7 +211,11 @@ def test_literal_filter(theme):
 
 
 def test_dial(theme):
-    sigmas, rate, los = np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8])
+    sigmas, rate, los = (
+        np.array([1e-5, 1e-4, 3e-4]),
+        np.array([2e-9, 1.7e-7, 5.2e-7]),
+        np.array([1.1e-8, 0.7e-8, 2.1e-8]),
+    )
     figure = figures.dial(sigmas, rate, los, 3e-4, 5.26e-7)
     assert_dressed(figure, theme)
     axes, twin = figure.axes
@@ -203,7 +229,9 @@ def test_dial(theme):
     levels = [a for a in axes.get_lines() if a.get_label().startswith("_")]
     assert levels[0].get_ydata()[0] == 5.26e-7 and levels[1].get_xdata()[0] == 3e-4
     assert texts(figure.legends[0]) == ["range-rate residual [m/s]", "e·Δa error [nm/s²]"]
-    assert not same_color(line(axes, "range-rate residual [m/s]").get_color(), line(twin, "e·Δa error [nm/s²]").get_color())
+    assert not same_color(
+        line(axes, "range-rate residual [m/s]").get_color(), line(twin, "e·Δa error [nm/s²]").get_color()
+    )
 
 
 def test_integrator_effect(theme):
@@ -220,7 +248,8 @@ def test_integrator_effect(theme):
     assert len(texts(axes.get_legend())) == 4
 
 
-# --- field_figures.py ----------------------------------------------------------------------------------------------------
+# --- field_figures.py
+# ----------------------------------------------------------------------------------------------------
 
 
 def errors(names=IDS) -> dict[str, np.ndarray]:
@@ -274,7 +303,11 @@ def test_amplitudes(theme):
     for name, values in errors().items():
         np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([DEGREE, values]))
     assert texts(axes.get_legend()) == ["U2, formal", "signal", *IDS]
-    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("degree n", "amplitude per degree in geoid height [m]", "log")
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == (
+        "degree n",
+        "amplitude per degree in geoid height [m]",
+        "log",
+    )
 
 
 def test_every_observable_has_a_look_and_no_two_the_same(theme):
@@ -352,7 +385,11 @@ def test_geoid_against_radius(theme):
         np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([radii, values]))
         assert line(axes, name).get_markevery() == 1
     assert texts(axes.get_legend()) == ["N1", "U2"]
-    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("Gaussian radius [km]", "rms of geoid-height error [m]", "log")
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == (
+        "Gaussian radius [km]",
+        "rms of geoid-height error [m]",
+        "log",
+    )
 
 
 def test_ground_track(theme):
@@ -379,7 +416,8 @@ def test_every_figure_function_is_tested():
     assert public == set(SMOKE)
 
 
-# --- smoke images --------------------------------------------------------------------------------------------------------
+# --- smoke images
+# --------------------------------------------------------------------------------------------------------
 
 SMOKE = {
     "orbits_3d": lambda: figures.orbits_3d(circle(6.834e6), circle(6.83e6)),

@@ -14,7 +14,8 @@ from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Observations, Scenario, Tuning, distance, kinematic, range_acceleration, range_rate
 from geokalman.grace.simulate import accelerations
 
-# --- range relations (44) to (47) ----------------------------------------------------------------------------------------
+# --- range relations (44) to (47)
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -68,7 +69,8 @@ def test_range_relations_along_an_orbit(tiny):
     np.testing.assert_allclose(acceleration[inside], derivative(rate, orbit.dt)[inside], rtol=0, atol=1e-11)
 
 
-# --- errata of the range relations -----------------------------------------------------------------------------------------
+# --- errata of the range relations
+# -----------------------------------------------------------------------------------------
 
 
 def test_erratum_46_bracket_is_not_divided_by_rho_again(states):
@@ -95,7 +97,8 @@ def test_erratum_53_range_rate_has_velocities(states):
     assert np.abs(printed - range_rate(dr, dv)).max() > 0.5 * np.abs(range_rate(dr, dv)).max()
 
 
-# --- kinematic model (50), (51) --------------------------------------------------------------------------------------------
+# --- kinematic model (50), (51)
+# --------------------------------------------------------------------------------------------
 
 
 def test_transition_is_the_exponential_and_a_semigroup():
@@ -130,7 +133,8 @@ def test_erratum_50_misplaced_term():
     assert not np.allclose(printed(h) @ printed(h), printed(2 * h), rtol=1e-3)
 
 
-# --- scenario --------------------------------------------------------------------------------------------------------------
+# --- scenario
+# --------------------------------------------------------------------------------------------------------------
 
 
 def test_defaults_are_config_book():
@@ -144,7 +148,17 @@ def test_defaults_are_config_book():
 
 
 def test_parameters_of_a_notebook_carry_their_units():
-    p = {"days": 2.0, "dt": 20.0, "n_max": 10, "a_km": 6870.0, "inc_deg": 87.0, "tau_s": 30.0, "h_int": None, "edge": 100, "e": 0.001}
+    p = {
+        "days": 2.0,
+        "dt": 20.0,
+        "n_max": 10,
+        "a_km": 6870.0,
+        "inc_deg": 87.0,
+        "tau_s": 30.0,
+        "h_int": None,
+        "edge": 100,
+        "e": 0.001,
+    }
     s = Scenario.from_parameters(p)
     assert (s.days, s.dt, s.n_max, s.a, s.inc, s.tau, s.e) == (2.0, 20.0, 10, 6870e3, math.radians(87), 30.0, 0.001)
     assert s.h == 10.0
@@ -153,7 +167,15 @@ def test_parameters_of_a_notebook_carry_their_units():
 
 
 @pytest.mark.parametrize(
-    ("integrator", "dt", "step"), [("gj", 30.0, 10.0), ("gj", 5.0, 5.0), ("gj", 25.0, 25 / 3), ("dop853", 30.0, 15.0), ("dop853", 20.0, 10.0), ("rk45", 30.0, 30.0)]
+    ("integrator", "dt", "step"),
+    [
+        ("gj", 30.0, 10.0),
+        ("gj", 5.0, 5.0),
+        ("gj", 25.0, 25 / 3),
+        ("dop853", 30.0, 15.0),
+        ("dop853", 20.0, 10.0),
+        ("rk45", 30.0, 30.0),
+    ],
 )
 def test_default_step_divides_the_sampling_interval(integrator, dt, step):
     assert model.default_step(integrator, dt) == pytest.approx(step, rel=1e-15)
@@ -175,7 +197,10 @@ def test_default_step_divides_the_sampling_interval(integrator, dt, step):
         ({"e": 1.0}, r"e = 1 is not the eccentricity of an ellipse; give 0 <= e < 1"),
         ({"e": 1.7}, r"e = 1.7 is not the eccentricity"),
         ({"e": -0.1}, r"e = -0.1 is not the eccentricity"),
-        ({"e": 0.1}, r"a_km = 6834 with e = 0.1 has its perigee -227.5 km above the reference radius 6378.1 km and meets the Earth"),
+        (
+            {"e": 0.1},
+            r"a_km = 6834 with e = 0.1 has its perigee -227.5 km above the reference radius 6378.1 km and meets the Earth",
+        ),
         ({"a": 6300e3}, r"a_km = 6300 with e = 0.0018 has its perigee -89.5 km"),
         ({"a": 6480e3, "e": 0.0}, r"perigee 101.9 km above .* give a perigee above 150 km"),
         ({"a": -6834e3}, r"meets the Earth"),
@@ -204,7 +229,8 @@ def test_a_field_that_is_not_there():
         Scenario(field="nowhere.gfc")
 
 
-# --- tuning ----------------------------------------------------------------------------------------------------------------
+# --- tuning
+# ----------------------------------------------------------------------------------------------------------------
 
 
 def test_tuning_in_numbers():
@@ -217,7 +243,16 @@ def test_tuning_in_numbers():
 
 
 def test_sigmas_of_the_filter_override_the_numbers():
-    p = {"lambda_q": 4500.0, "mu": 9.0, "sigma_r": 1e-3, "alpha": 1.0, "beta": 0.0, "kappa": 2.0, "filter_sigma_rr": None, "days": 3}
+    p = {
+        "lambda_q": 4500.0,
+        "mu": 9.0,
+        "sigma_r": 1e-3,
+        "alpha": 1.0,
+        "beta": 0.0,
+        "kappa": 2.0,
+        "filter_sigma_rr": None,
+        "days": 3,
+    }
     assert Tuning.from_parameters(p, 30.0) == Tuning(lambda_q=4500.0)
     t = Tuning.from_parameters(p, 30.0, filter_sigma_r=0.028, filter_sigma_rr=3e-7)
     assert t.sigma_r == 0.028 and t.sigma_rr(30.0) == pytest.approx(3e-7, rel=1e-14)
@@ -235,7 +270,10 @@ def test_sigmas_of_the_filter_override_the_numbers():
         ({"sigma_r": math.inf}, r"sigma_r = inf is not a positive number"),
         ({"alpha": 0.0}, r"alpha = 0 is not a positive number"),
         ({"beta": math.nan}, r"beta = nan is not finite"),
-        ({"kappa": -9.0}, r"kappa = -9 does not make n \+ kappa positive and finite for the n = 9 states; give kappa > -9"),
+        (
+            {"kappa": -9.0},
+            r"kappa = -9 does not make n \+ kappa positive and finite for the n = 9 states; give kappa > -9",
+        ),
         ({"kappa": math.nan}, r"kappa = nan"),
     ],
 )
@@ -250,11 +288,18 @@ def test_sigmas_of_the_filter_must_be_positive(given):
         Tuning.from_parameters(given, 30.0)
 
 
-# --- observations ----------------------------------------------------------------------------------------------------------
+# --- observations
+# ----------------------------------------------------------------------------------------------------------
 
 
 def series(n=20, **changes):
-    given = {"dt": 30.0, "baseline": np.ones((n, 3)), "rate": np.zeros(n), "prior_mean": np.zeros(9), "prior_cov": np.eye(9)}
+    given = {
+        "dt": 30.0,
+        "baseline": np.ones((n, 3)),
+        "rate": np.zeros(n),
+        "prior_mean": np.zeros(9),
+        "prior_cov": np.eye(9),
+    }
     return given | changes
 
 
@@ -293,8 +338,12 @@ def test_a_prior_is_finite_symmetric_and_positive_definite():
         Observations(**series(prior_cov=tilted))
     with pytest.raises(ValueError, match=r"the prior_cov is not positive definite: its diagonal element 4 is -1"):
         Observations(**series(prior_cov=np.diag([1.0] * 4 + [-1.0] + [1.0] * 4)))
-    with pytest.raises(ValueError, match=r"the prior_cov is not positive definite: its correlation matrix has the eigenvalue"):
-        Observations(**series(prior_cov=np.eye(9) + np.kron(np.diag([0.0, 0.0, 1.0]), 2.0 * (np.ones((3, 3)) - np.eye(3)))))
+    with pytest.raises(
+        ValueError, match=r"the prior_cov is not positive definite: its correlation matrix has the eigenvalue"
+    ):
+        Observations(
+            **series(prior_cov=np.eye(9) + np.kron(np.diag([0.0, 0.0, 1.0]), 2.0 * (np.ones((3, 3)) - np.eye(3))))
+        )
     with pytest.raises(ValueError, match=r"prior_mean\[8\] is nan: values must be finite"):
         Observations(**series(prior_mean=np.r_[np.zeros(8), np.nan]))
     with pytest.raises(ValueError, match=r"prior_cov has the shape \(3, 3\), it must be \(9, 9\)"):

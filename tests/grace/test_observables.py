@@ -1,4 +1,5 @@
-"""Line-of-sight gravity differences: the exact one against the potential, every route against its definition and numbers."""
+"""Line-of-sight gravity differences: the exact one against the potential, every route against its definition and
+numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ def test_exact_is_the_slope_of_the_potential(tiny):
     orbit, e, step = tiny.orbit, tiny.orbit.dr / distance(tiny.orbit.dr)[:, None], 100.0
     slope = []
     for state in (orbit.A, orbit.B):
-        ends = [potential(tiny.gravity, to_ecef(orbit.t, state[:, :3] + sign * step * e, OMEGA_EARTH)) for sign in (1, -1)]
+        ends = [
+            potential(tiny.gravity, to_ecef(orbit.t, state[:, :3] + sign * step * e, OMEGA_EARTH)) for sign in (1, -1)
+        ]
         slope.append((ends[0] - ends[1]) / (2 * step))
     np.testing.assert_allclose(observables.exact(orbit, tiny.gravity), slope[0] - slope[1], rtol=0, atol=3e-9)
 

@@ -36,7 +36,8 @@ def lines_of_sight(flight, every):
     return r_A, r_B, (r_A - r_B) / distance(r_A - r_B)[:, None]
 
 
-# --- rows of the design matrix --------------------------------------------------------------------------------------------
+# --- rows of the design matrix
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n_max", [2, 30, 70])
@@ -63,7 +64,8 @@ def test_row_times_true_coefficients_is_the_gravity_difference(tiny, n_max):
 
 
 def paper_row(flight, n_max: int, northern) -> tuple[np.ndarray, np.ndarray]:
-    """One row by (48), (49) in the local frames (east, north, up), and ours; `northern` gives the factor of the meridian."""
+    """One row by (48), (49) in the local frames (east, north, up), and ours; `northern` gives the factor of the
+    meridian."""
     gravity = load_field("EGM96", n_max)
     r_A, r_B, e = (x[11] for x in lines_of_sight(flight, 10))
     row = dict.fromkeys(column_names(n_max), 0.0)
@@ -74,8 +76,12 @@ def paper_row(flight, n_max: int, northern) -> tuple[np.ndarray, np.ndarray]:
         for kind, n, m in row:
             q = (gravity.radius / radius) ** n
             wave, turned = (np.cos(m * lam), -np.sin(m * lam)) if kind == "C" else (np.sin(m * lam), np.cos(m * lam))
-            row[kind, n, m] += q * (east * m * turned * P[n, m] / np.cos(phi) + north * wave * dP[n, m] - up * (n + 1) * wave * P[n, m])
-    return np.array(list(row.values())), design_block(gravity.gm, gravity.radius, n_max, r_A[None], r_B[None], e[None])[0]
+            row[kind, n, m] += q * (
+                east * m * turned * P[n, m] / np.cos(phi) + north * wave * dP[n, m] - up * (n + 1) * wave * P[n, m]
+            )
+    return np.array(list(row.values())), design_block(gravity.gm, gravity.radius, n_max, r_A[None], r_B[None], e[None])[
+        0
+    ]
 
 
 def test_row_by_the_formulas_of_the_paper(tiny):
@@ -98,7 +104,8 @@ def test_erratum_49_the_northern_row_needs_the_derivative_of_P(tiny):
     assert np.abs(printed - ours).max() > 0.1 * np.abs(ours).max()
 
 
-# --- recovery ------------------------------------------------------------------------------------------------------------
+# --- recovery
+# ------------------------------------------------------------------------------------------------------------
 
 
 def test_recovery_from_exact_data_at_degree_4(day, exact):
@@ -119,11 +126,14 @@ def test_recovery_from_exact_data_at_degree_30(quick, quick_recovery):
 
 
 @pytest.mark.parametrize(
-    ("name", "rms"), [("N1", 9.59e-4), ("N2", 1.41e-4), ("E1", 7.36e-4), ("E2", 1.13e-3), ("U1", 7.09e-4), ("U2", 1.07e-3)]
+    ("name", "rms"),
+    [("N1", 9.59e-4), ("N2", 1.41e-4), ("E1", 7.36e-4), ("E2", 1.13e-3), ("U1", 7.09e-4), ("U2", 1.07e-3)],
 )
 def test_geoid_errors_at_degree_30(quick, quick_recovery, name, rms):
     """Section 8, g05 QUICK: the ranking is the other way round than at degree 70."""
-    assert assess.map_statistics(assess.geoid_error(quick_recovery, name, quick.gravity, 1.0, 0.0)).rms == pytest.approx(rms, rel=0.03)
+    assert assess.map_statistics(
+        assess.geoid_error(quick_recovery, name, quick.gravity, 1.0, 0.0)
+    ).rms == pytest.approx(rms, rel=0.03)
 
 
 def test_splines_at_degree_30(quick, quick_recovery):
@@ -133,7 +143,9 @@ def test_splines_at_degree_30(quick, quick_recovery):
 @pytest.mark.parametrize(("name", "rms"), [("N1", 4.16e-4), ("E1", 3.15e-4), ("U2", 4.86e-4)])
 def test_smoothed_geoid_errors_at_degree_30(quick, quick_recovery, name, rms):
     """Section 8, g06 QUICK, Gaussian radius 500 km."""
-    assert assess.map_statistics(assess.geoid_error(quick_recovery, name, quick.gravity, 1.0, 500.0)).rms == pytest.approx(rms, rel=0.03)
+    assert assess.map_statistics(
+        assess.geoid_error(quick_recovery, name, quick.gravity, 1.0, 500.0)
+    ).rms == pytest.approx(rms, rel=0.03)
 
 
 def test_ekf_against_newton_at_degree_30(quick, quick_recovery):
@@ -188,11 +200,15 @@ def test_a_lower_degree_can_be_recovered(day):
     np.testing.assert_allclose(recovery.coefficients("X"), (low.C, low.S), rtol=0, atol=1e-14)
 
 
-# --- what is refused ------------------------------------------------------------------------------------------------------
+# --- what is refused
+# ------------------------------------------------------------------------------------------------------
 
 
 def test_fewer_epochs_than_unknowns(day, exact):
-    with pytest.raises(ValueError, match=r"21 epochs \(of 289, without 134 at either end\) cannot determine the 32 coefficients of degrees 2 to 5; give at least 1\.04 days"):
+    with pytest.raises(
+        ValueError,
+        match=r"21 epochs \(of 289, without 134 at either end\) cannot determine the 32 coefficients of degrees 2 to 5; give at least 1\.04 days",
+    ):
         recover.recover(day.orbit, day.gravity, exact, edge=134, n_max=5)
 
 
@@ -224,16 +240,23 @@ def test_an_observable_that_is_not_finite_is_named_with_its_epoch(day, exact):
 def test_unknowns_that_no_equation_sees_are_named(day):
     """Both satellites in the meridian of Greenwich for ever: no S coefficient shows."""
     angle = np.linspace(0, 2 * np.pi, 80)
-    A, B = (np.column_stack([6.8e6 * np.cos(a), 0 * a, 6.8e6 * np.sin(a), np.zeros((80, 3))]) for a in (angle + 0.03, angle))
+    A, B = (
+        np.column_stack([6.8e6 * np.cos(a), 0 * a, 6.8e6 * np.sin(a), np.zeros((80, 3))]) for a in (angle + 0.03, angle)
+    )
     polar = OrbitPair(np.zeros(80), A, B)
-    with pytest.raises(SingularNormalMatrix, match=r"No observation depends on 9 of 21 unknowns: S\[2,1\], S\[2,2\], S\[3,1\]"):
+    with pytest.raises(
+        SingularNormalMatrix, match=r"No observation depends on 9 of 21 unknowns: S\[2,1\], S\[2,2\], S\[3,1\]"
+    ):
         recover.recover(polar, day.gravity, {"X": observables.exact(polar, day.gravity)}, edge=0)
 
 
 def test_unknowns_that_cannot_be_told_apart_are_named(fly):
     """Twenty minutes of one arc against degree 12."""
     arc = fly(days=20 / 1440, dt=5.0, h=5.0, n_max=12)
-    with pytest.raises(SingularNormalMatrix, match=r"undetermined, or cannot tell from one another, \d+ of 165 unknowns: [CS]\[\d+,\d+\], "):
+    with pytest.raises(
+        SingularNormalMatrix,
+        match=r"undetermined, or cannot tell from one another, \d+ of 165 unknowns: [CS]\[\d+,\d+\], ",
+    ):
         recover.recover(arc.orbit, arc.gravity, {"X": observables.exact(arc.orbit, arc.gravity)}, edge=0)
 
 

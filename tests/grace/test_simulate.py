@@ -1,4 +1,5 @@
-"""The simulated pair against the specification's states, other integrators, and the conservation of the Jacobi constant."""
+"""The simulated pair against the specification's states, other integrators, and the conservation of the Jacobi
+constant."""
 
 from __future__ import annotations
 
@@ -14,10 +15,31 @@ from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Scenario, distance, range_rate
 from geokalman.physics.forces import jacobi_constant
 
-START_B = (5357573.11049891, 1727695.6056431364, 3853296.543529178, -4160.6944255370345, -1171.7122130669584, 6312.771968798334)
+START_B = (
+    5357573.11049891,
+    1727695.6056431364,
+    3853296.543529178,
+    -4160.6944255370345,
+    -1171.7122130669584,
+    6312.771968798334,
+)
 START_A = {
-    70: (5234543.65830501, 1692934.0034883546, 4033679.5750024356, -4352.703650157481, -1233.7225592931939, 6169.395551641042),
-    30: (5234543.65183053, 1692934.004107816, 4033679.574972072, -4352.704126082827, -1233.72248352233, 6169.395490839517),
+    70: (
+        5234543.65830501,
+        1692934.0034883546,
+        4033679.5750024356,
+        -4352.703650157481,
+        -1233.7225592931939,
+        6169.395551641042,
+    ),
+    30: (
+        5234543.65183053,
+        1692934.004107816,
+        4033679.574972072,
+        -4352.704126082827,
+        -1233.72248352233,
+        6169.395490839517,
+    ),
 }
 END_A = {70: (4966974.043, 1390338.715, -4472367.364), 30: (4966948.922, 1390340.402, -4472384.448)}
 RANGE = {70: (220076.057, 221170.728), 30: (220167.406, 221170.965)}
@@ -64,7 +86,11 @@ def test_integrators_agree_over_a_day(mid):
         for method, h in (("dop853", 15.0), ("dop853", 10.0), ("gj", 5.0))
     }
     pairs["gj", 10.0] = mid.orbit.first(1.0)
-    for one, other in ((("dop853", 15.0), ("dop853", 10.0)), (("gj", 10.0), ("dop853", 10.0)), (("gj", 10.0), ("gj", 5.0))):
+    for one, other in (
+        (("dop853", 15.0), ("dop853", 10.0)),
+        (("gj", 10.0), ("dop853", 10.0)),
+        (("gj", 10.0), ("gj", 5.0)),
+    ):
         rate, position = assess.pair_difference(pairs[one], pairs[other])
         assert rate < 1e-9
         assert position < 1e-5
@@ -103,8 +129,11 @@ def test_same_elements_drift_apart(tiny):
 
 
 def test_accelerations_are_the_derivative_of_the_velocity(tiny):
-    """Central differences of the integrated velocities, 9 points at 30 s: truncation below 1e-9 of 9 m/s^2 at degree 4."""
-    for state, acceleration in zip((tiny.orbit.A, tiny.orbit.B), simulate.accelerations(tiny.orbit, tiny.gravity), strict=True):
+    """Central differences of the integrated velocities, 9 points at 30 s: truncation below 1e-9 of 9 m/s^2 at degree
+    4."""
+    for state, acceleration in zip(
+        (tiny.orbit.A, tiny.orbit.B), simulate.accelerations(tiny.orbit, tiny.gravity), strict=True
+    ):
         numerical = derivative(state[:, 3:], tiny.orbit.dt)
         np.testing.assert_allclose(acceleration[4:-4], numerical[4:-4], rtol=0, atol=1e-7)
 
@@ -129,7 +158,9 @@ def test_noise_is_drawn_in_the_order_of_the_specification(tiny):
 
 @pytest.mark.parametrize("sigmas", [(-0.02, 3e-7), (0.02, -3e-7)])
 def test_negative_noise_is_refused(tiny, sigmas):
-    with pytest.raises(ValueError, match=r"sigma_pos = .* m and sigma_rr = .* m/s: a standard deviation is not negative"):
+    with pytest.raises(
+        ValueError, match=r"sigma_pos = .* m and sigma_rr = .* m/s: a standard deviation is not negative"
+    ):
         simulate.observe(tiny.orbit, tiny.gravity, np.random.default_rng(1), *sigmas)
 
 

@@ -121,7 +121,8 @@ def posterior():
 
 @pytest.fixture(scope="session")
 def close():
-    """Assert that Gaussians agree: means within `rel` standard deviations, covariances within `rel` of the variances."""
+    """Assert that Gaussians agree: means within `rel` standard deviations, covariances within `rel` of the
+    variances."""
 
     def check(mean, cov, mean_ref, cov_ref, rel):
         sigma = np.sqrt(np.diagonal(cov_ref, axis1=-2, axis2=-1))

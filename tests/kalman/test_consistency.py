@@ -51,7 +51,8 @@ def ensemble():
 
 
 def test_right_model_is_found_honest(ensemble):
-    """Runs are independent, so the mean over 40 runs at one epoch is chi-square; and so is NIS over all epochs of all runs."""
+    """Runs are independent, so the mean over 40 runs at one epoch is chi-square; and so is NIS over all epochs of all
+    runs."""
     filtered, smoothed, whitened = (np.array(part) for part in zip(*ensemble, strict=True))
     for values in (filtered, smoothed):
         for epoch in (0, 20, 79):

@@ -7,7 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from geokalman.kalman import NotPositiveDefinite, filter_linear, smooth
-from geokalman.kalman.manifold import Manifold, error_predict_step, error_rts_step, error_update_step, filter_manifold, smooth_manifold
+from geokalman.kalman.manifold import (
+    Manifold,
+    error_predict_step,
+    error_rts_step,
+    error_update_step,
+    filter_manifold,
+    smooth_manifold,
+)
 
 VECTORS = Manifold(lambda x, d: x + d, lambda x, y: y - x)
 ROTATIONS = Manifold(lambda x, d: x * Rotation.from_rotvec(d), lambda x, y: (x.inv() * y).as_rotvec())
@@ -21,7 +28,12 @@ def test_on_a_vector_space_it_is_the_linear_filter_and_smoother():
     z[[4, 11, 12]] = np.nan
     prior = (np.array([0.3, -0.2]), np.array([[2.0, 0.1], [0.1, 1.0]]))
     course = filter_manifold(
-        VECTORS, prior[0], prior[1], 30, lambda k, x: (Phi @ x, Phi, Q), lambda k, x: None if np.isnan(z[k, 0]) else (z[k] - H @ x, H, R)
+        VECTORS,
+        prior[0],
+        prior[1],
+        30,
+        lambda k, x: (Phi @ x, Phi, Q),
+        lambda k, x: None if np.isnan(z[k, 0]) else (z[k] - H @ x, H, R),
     )
     linear = filter_linear(prior, np.arange(30.0), z, H, R, (Phi, Q))
     np.testing.assert_allclose(np.array(course.state), linear.mean, atol=1e-12)
@@ -76,7 +88,16 @@ def test_steps_agree_uncompiled():
 
 def test_bad_covariances_are_named():
     with pytest.raises(NotPositiveDefinite, match="innovation covariance is not positive definite at epoch 0"):
-        filter_manifold(VECTORS, np.zeros(1), np.zeros((1, 1)), 1, None, lambda k, x: (np.zeros(1), np.ones((1, 1)), np.zeros((1, 1))))
-    course = filter_manifold(VECTORS, np.zeros(1), np.zeros((1, 1)), 2, lambda k, x: (x, np.eye(1), np.zeros((1, 1))), lambda k, x: None)
+        filter_manifold(
+            VECTORS,
+            np.zeros(1),
+            np.zeros((1, 1)),
+            1,
+            None,
+            lambda k, x: (np.zeros(1), np.ones((1, 1)), np.zeros((1, 1))),
+        )
+    course = filter_manifold(
+        VECTORS, np.zeros(1), np.zeros((1, 1)), 2, lambda k, x: (x, np.eye(1), np.zeros((1, 1))), lambda k, x: None
+    )
     with pytest.raises(NotPositiveDefinite, match="predicted covariance is not positive definite at epoch 1"):
         smooth_manifold(VECTORS, course)

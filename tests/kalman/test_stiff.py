@@ -1,7 +1,7 @@
 """Millimetre positions beside micrometre-per-second range-rates: accuracy, positive covariances, no drift.
 
-The motion is that of a satellite pair, 9 states, the range-rate row fixed along the track, so that the problem is linear
-and its exact posterior is known to 60 digits.
+The motion is that of a satellite pair, 9 states, the range-rate row fixed along the track, so that the problem is
+linear and its exact posterior is known to 60 digits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The unscented filter: equal to the textbook sums and to the linear filter; no cancellation, positive by construction."""
+"""The unscented filter: equal to the textbook sums and to the linear filter; no cancellation, positive by
+construction."""
 
 from __future__ import annotations
 
@@ -108,7 +109,8 @@ def test_is_the_linear_filter_and_smoother_on_a_linear_problem(problem, close, s
 
 
 def test_tiny_alpha_beside_a_large_offset_does_not_cancel():
-    """Coordinates of 1e7 m, sigma 1 m, alpha = 1e-3: the points themselves are rounded to 1e-9 m, 3e-7 of their distance.
+    """Coordinates of 1e7 m, sigma 1 m, alpha = 1e-3: the points themselves are rounded to 1e-9 m, 3e-7 of their
+    distance.
 
     The textbook sum W_0 y_0 + sum W_i y_i has weights of 1e6 and loses a millimetre to ten metres.
     """
@@ -131,7 +133,8 @@ def test_tiny_alpha_beside_a_large_offset_does_not_cancel():
 
 
 def test_mean_of_a_square_is_exact_at_any_alpha():
-    """y = x^2 has the mean m^2 + P and, for beta = 2, the covariance 4 m^2 P + 2 P^2 (n = 1, kappa = 2 or alpha -> 0)."""
+    """y = x^2 has the mean m^2 + P and, for beta = 2, the covariance 4 m^2 P + 2 P^2 (n = 1, kappa = 2 or alpha ->
+    0)."""
     m, P = 1e3, 4.0
     for alpha, beta, kappa in [(1.0, 0.0, 2.0), (1e-2, 2.0, 0.0), (1e-3, 2.0, 0.0)]:
         out = unscented.predict(gaussian([m], [P]), lambda x: x**2, [[0.0]], alpha, beta, kappa)

@@ -23,8 +23,9 @@ def test_matrix_is_that_of_erfa(day, t):
 
 @pytest.mark.parametrize("day", DAYS)
 def test_matrix_is_that_of_skyfield(day):
-    """Another code, another route (equinox instead of CIO). It lacks the polar motion, which is set here from our table; its UT1
-    comes from our UT1 - UTC. Tolerance 2e-9 rad: both models agree to a milliarcsecond (5e-9) and better."""
+    """Another code, another route (equinox instead of CIO). It lacks the polar motion, which is set here from our
+    table; its UT1 comes from our UT1 - UTC. Tolerance 2e-9 rad: both models agree to a milliarcsecond (5e-9) and
+    better."""
     api = pytest.importorskip("skyfield.api")
     framelib = pytest.importorskip("skyfield.framelib")
     from skyfield.timelib import Timescale

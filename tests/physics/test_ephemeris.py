@@ -1,4 +1,5 @@
-"""DE421: against jplephem on the whole file, its own derivatives, distances that everybody knows, and what it refuses."""
+"""DE421: against jplephem on the whole file, its own derivatives, distances that everybody knows, and what it
+refuses."""
 
 import struct
 

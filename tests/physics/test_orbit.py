@@ -27,7 +27,7 @@ compiled_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of or
 def damped(t, y, params, out):
     """x'' = -w^2 x - 2 d x' + f sin t: forces that know velocity and time; closed form below."""
     for i in range(3):
-        out[i] = -params[0] ** 2 * y[i] - 2 * params[1] * y[3 + i] + params[2] * np.sin(t)
+        out[i] = -(params[0] ** 2) * y[i] - 2 * params[1] * y[3 + i] + params[2] * np.sin(t)
 
 
 @pytest.fixture(scope="module")

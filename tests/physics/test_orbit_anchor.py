@@ -13,8 +13,14 @@ from geokalman.physics.orbit import integrate
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take hours in plain Python")
 
 START_B = np.array(
-    [5357573.11049891, 1727695.6056431364, 3853296.543529178,
-     -4160.6944255370345, -1171.7122130669584, 6312.771968798334]
+    [
+        5357573.11049891,
+        1727695.6056431364,
+        3853296.543529178,
+        -4160.6944255370345,
+        -1171.7122130669584,
+        6312.771968798334,
+    ]
 )
 START_A = {
     70: [5234543.65830501, 1692934.0034883546, 4033679.5750024356,

@@ -86,7 +86,8 @@ def test_the_angle_of_a7_is_half_the_rotation():
 
 
 def test_signs_become_continuous_over_gaps_and_near_half_a_turn():
-    """Near 180 degrees the scalar part changes sign by itself: only the dot product of all four components tells a flip."""
+    """Near 180 degrees the scalar part changes sign by itself: only the dot product of all four components tells a
+    flip."""
     angle = np.linspace(3.0, 3.3, 40)
     smooth = np.stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle], axis=1)
     flipped = smooth.copy()

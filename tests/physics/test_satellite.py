@@ -26,7 +26,8 @@ def world():
 
 
 def cunningham(r, field, n_max):
-    """Acceleration by Cunningham's un-normalised recursion (Montenbruck & Gill 3.29-3.33), equation (27) of the paper."""
+    """Acceleration by Cunningham's un-normalised recursion (Montenbruck & Gill 3.29-3.33), equation (27) of the
+    paper."""
     R2, rho = field.radius, field.radius**2 / (r @ r)
     x0, y0, z0 = field.radius * r / (r @ r)
     V, W = np.zeros((2, n_max + 2, n_max + 2))
@@ -78,7 +79,8 @@ def independent_force(t, y, field):
 
 @compiled
 def test_orbit_of_an_independent_implementation(world):
-    """4.4 h of session ST: scipy's adaptive DOP853, Cunningham's recursion, ERFA's matrix, bodies straight from DE421. 1 mm."""
+    """4.4 h of session ST: scipy's adaptive DOP853, Cunningham's recursion, ERFA's matrix, bodies straight from DE421.
+    1 mm."""
     field, span = load_field("EGM96", 10), (T0, T0 + 15900.0)
     other = solve_ivp(
         lambda t, y: np.concatenate([y[3:], independent_force(t, y, field)]),
@@ -119,7 +121,8 @@ def test_half_the_step_changes_nothing(world):
 
 @compiled
 def test_transition_matrix_is_the_derivative_of_the_flow(world):
-    """Against central differences; 1e-6 is what a second-order difference over 1 km and 1 m/s leaves, and the gradient of degree 3."""
+    """Against central differences; 1e-6 is what a second-order difference over 1 km and 1 m/s leaves, and the gradient
+    of degree 3."""
     t1 = T0 + 16000.0
     end, Phi = world.transition(START, T0, t1)
     for j in range(6):

@@ -175,7 +175,9 @@ def test_tables_and_readme(toy):
     assert claims.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
     write_metrics(toy, 48.0)
     assert not claims.readme_agrees(toy)
-    (toy / "README.md").write_text("# Toy\n\n<!-- verdicts -->\n<!-- /verdicts -->\n\nThe end.\n")  # nothing between yet
+    (toy / "README.md").write_text(
+        "# Toy\n\n<!-- verdicts -->\n<!-- /verdicts -->\n\nThe end.\n"
+    )  # nothing between yet
     (toy / "README.md").write_text(claims.readme_with_block(toy))
     assert claims.readme_agrees(toy)
     assert (toy / "README.md").read_text().endswith(" |\n<!-- /verdicts -->\n\nThe end.\n")

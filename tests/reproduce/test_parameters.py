@@ -103,7 +103,10 @@ def test_command_line_words(word, value):
         ("stencils=abc", r"stencils='abc' is not list\[int\]"),
         ("kbr=1", "kbr=1 is not bool; kbr must be true or false"),
         ("step=0", r"step=0 is out of range; step must be a number in \(0, 600\] s or None"),
-        ("field=missing.gfc", r"field=missing.gfc: /.*/missing.gfc does not exist; field must be the path of an existing file \(an ICGEM .gfc file\)\."),
+        (
+            "field=missing.gfc",
+            r"field=missing.gfc: /.*/missing.gfc does not exist; field must be the path of an existing file \(an ICGEM .gfc file\)\.",
+        ),
         ("field=/", "field=/: / is a folder; field must be the path of an existing file"),
         ("stencils=[]", r"stencils = \[\] is empty; give at least one value\."),
         ("days", "'days' is no assignment; write name=value"),
@@ -133,7 +136,10 @@ def test_folders_are_relative_to_the_caller_and_must_be_folders(tmp_path):
     assert spec.parameters["data_dir"].type == "folder"
     assert spec.parse(["data_dir=day"], tmp_path) == {"data_dir": str(tmp_path / "day")}
     for name, what in (("file", "is a file"), ("none", "does not exist")):
-        with pytest.raises(Misuse, match=rf"data_dir={name}: .* {what}; data_dir must be the path of an existing folder \(Level-1 files\)\."):
+        with pytest.raises(
+            Misuse,
+            match=rf"data_dir={name}: .* {what}; data_dir must be the path of an existing folder \(Level-1 files\)\.",
+        ):
             spec.parse([f"data_dir={name}"], tmp_path)
 
 

@@ -148,7 +148,10 @@ def test_without_a_run_folder_the_record_is_interactive_and_cells_may_be_repeate
 @pytest.mark.parametrize(
     "call, sentence",
     [
-        (lambda nb: nb.record("a", float("nan")), r"a = nan is not finite: with these parameters .* \(in a notebook of your own, finite=False"),
+        (
+            lambda nb: nb.record("a", float("nan")),
+            r"a = nan is not finite: with these parameters .* \(in a notebook of your own, finite=False",
+        ),
         (lambda nb: nb.record("a", "text"), "a = 'text' is no number"),
         (lambda nb: nb.record("a", np.ones(2)), "is no number; arrays are recorded with nb.array"),
         (lambda nb: nb.record("a b", 1.0), "'a b' cannot name a record"),
@@ -256,7 +259,9 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     book.record("line.mean", 49.01, "m")
     record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
     assert record["name"] == "verdicts-01-line"
-    assert record["rows"] == [["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]]
+    assert record["rows"] == [
+        ["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]
+    ]
     other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]

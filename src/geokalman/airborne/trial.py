@@ -14,7 +14,6 @@ from geokalman.airborne.model import Array, Tuning
 from geokalman.airborne.read import Flight
 from geokalman.kalman.consistency import monte_carlo
 
-
 HAND_TUNED = tuple(str(100100 + 600 * j) for j in range(19)), ("102600", "104200", "106100", "107200", "109800")
 """Kauring lines on which the preset `kauring` was compared by hand: the regular nineteen, and five more."""
 

@@ -11,8 +11,8 @@ from numba import njit
 
 from geokalman.attitude.model import Array, camera_information
 from geokalman.physics.quaternion import (
-    continuous,
     conjugate,
+    continuous,
     difference,
     difference_point,
     exp,

@@ -1,4 +1,5 @@
-"""Where truth and estimate meet: residual statistics, degree-variance differences, geoid errors. Plain numbers and arrays."""
+"""Where truth and estimate meet: residual statistics, degree-variance differences, geoid errors. Plain numbers and
+arrays."""
 
 from __future__ import annotations
 
@@ -85,7 +86,8 @@ def largest_node_gap(orbit: OrbitPair, days: Sequence[float]) -> list[float]:
 
 
 class Spectrum(NamedTuple):
-    """What a recovery looks like by degree, arrays over n = 0..N: degree variance, its difference, error amplitude [m]."""
+    """What a recovery looks like by degree, arrays over n = 0..N: degree variance, its difference, error amplitude
+    [m]."""
 
     variance: Array
     difference: Array
@@ -93,9 +95,11 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(recovery: Recovery, observable: str, truth: GravityField) -> Spectrum:
-    """Degree variances (54) recovered, |their difference to the truth|, and R sqrt(sum of squared errors) [m] per degree.
+    """Degree variances (54) recovered, |their difference to the truth|, and R sqrt(sum of squared errors) [m] per
+    degree.
 
-    The difference of variances is the paper's figure 5; the error amplitude is the meaningful one, since errors cannot cancel in it.
+    The difference of variances is the paper's figure 5; the error amplitude is the meaningful one, since errors cannot
+    cancel in it.
     """
     C, S = recovery.coefficients(observable)
     n = recovery.n_max + 1
@@ -136,7 +140,8 @@ def map_statistics(grid: Array) -> MapStatistics:
 
 
 def map_columns(grids: Mapping[str, Array], step_deg: float = 1.0) -> dict[str, Array]:
-    """Cell-centred global grids (n_lat, n_lon) as columns: longitude_deg, latitude_deg, then each grid; cells about step_deg apart."""
+    """Cell-centred global grids (n_lat, n_lon) as columns: longitude_deg, latitude_deg, then each grid; cells about
+    step_deg apart."""
     shape = next(iter(grids.values())).shape
     every = max(1, round(step_deg * shape[0] / 180))
     latitude, longitude = cell_centred_grid(180 / shape[0])

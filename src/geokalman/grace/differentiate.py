@@ -1,7 +1,7 @@
 """Numerical derivatives of equally spaced series: Newton's central formulas and interpolating splines.
 
-The central (2k+1)-point formula is the derivative, at the middle, of the polynomial of degree 2k through the points. Its
-transfer function, not noise, is the whole content of the paper's "Newton" row.
+The central (2k+1)-point formula is the derivative, at the middle, of the polynomial of degree 2k through the points.
+Its transfer function, not noise, is the whole content of the paper's "Newton" row.
 """
 
 from __future__ import annotations
@@ -85,7 +85,9 @@ def spline_derivative(series: Array, dt: float, degree: int = 11, order: int = 1
     if degree % 2 == 0 or degree < 1:
         raise ValueError(f"an interpolating spline of degree {degree} is not centred on its knots; give an odd degree.")
     if len(series) < degree + 1:
-        raise ValueError(f"{len(series)} epochs are too few for a spline of degree {degree}; give at least {degree + 1}.")
+        raise ValueError(
+            f"{len(series)} epochs are too few for a spline of degree {degree}; give at least {degree + 1}."
+        )
     t = np.arange(len(series), dtype=float)  # unit spacing: the collocation matrix is then scaled as well as it can be
     middle = series.mean(axis=0)
     return make_interp_spline(t, series - middle, k=degree, axis=0).derivative(order)(t) / dt**order
@@ -94,7 +96,8 @@ def spline_derivative(series: Array, dt: float, degree: int = 11, order: int = 1
 def transfer(frequency: Array, dt: float, points: int = 9, order: int = 1) -> Array:
     """Gain of the central formula relative to the true derivative at the given frequencies [Hz]; 1 is perfect.
 
-    order 1: (2 / theta) sum_j w_j sin(j theta), order 2: -(1 / theta^2) (w_0 + 2 sum_j w_j cos(j theta)), theta = 2 pi f dt.
+    order 1: (2 / theta) sum_j w_j sin(j theta), order 2: -(1 / theta^2) (w_0 + 2 sum_j w_j cos(j theta)), theta = 2 pi
+    f dt.
     """
     theta = 2 * np.pi * np.asarray(frequency, dtype=float) * dt
     weights, half = central_weights(points, order), points // 2
@@ -109,5 +112,6 @@ def transfer(frequency: Array, dt: float, points: int = 9, order: int = 1) -> Ar
 
 
 def noise_gain(points: int = 9, order: int = 1) -> float:
-    """Standard deviation of the derivative of unit white noise at unit spacing: the 2-norm of the weights (9 points: 1.167, 3.648)."""
+    """Standard deviation of the derivative of unit white noise at unit spacing: the 2-norm of the weights (9 points:
+    1.167, 3.648)."""
     return float(np.linalg.norm(central_weights(points, order)))

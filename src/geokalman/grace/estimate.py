@@ -1,7 +1,7 @@
 """The three ways to a range-rate: Newton differentiation, the linear ("extended") filter, the unscented fusion filter.
 
-The filters share one compiled loop over the core's steps. Dynamics (50), (51) and position observation (52) are linear, so
-the paper's EKF is a plain Kalman filter; the range-rate (53) is the only non-linear part.
+The filters share one compiled loop over the core's steps. Dynamics (50), (51) and position observation (52) are linear,
+so the paper's EKF is a plain Kalman filter; the range-rate (53) is the only non-linear part.
 """
 
 from __future__ import annotations
@@ -13,7 +13,18 @@ import numpy as np
 from numba import njit
 
 from geokalman.grace.differentiate import derivative
-from geokalman.grace.model import ACCELERATION, POSITION, VELOCITY, Array, Observations, Tuning, distance, kinematic, los_acceleration, range_rate
+from geokalman.grace.model import (
+    ACCELERATION,
+    POSITION,
+    VELOCITY,
+    Array,
+    Observations,
+    Tuning,
+    distance,
+    kinematic,
+    los_acceleration,
+    range_rate,
+)
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import copy_state
 from geokalman.kalman.linear import predict_step, scalar_update_step, update_step
@@ -80,7 +91,8 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A filter's states, their fixed-interval smoothed twins, and the whitened innovations (n, 4): position, range-rate."""
+    """A filter's states, their fixed-interval smoothed twins, and the whitened innovations (n, 4): position,
+    range-rate."""
 
     filtered: Trajectory
     smoothed: Trajectory
@@ -116,7 +128,8 @@ def ukf(data: Observations, tuning: Tuning, update: Update = "sequential", covar
 
 
 def fused_ekf(data: Observations, tuning: Tuning, update: Update = "sequential", covariances: bool = False) -> Estimate:
-    """The same data as `ukf`, with the range-rate linearised (18) instead of unscented: the control that the paper lacks."""
+    """The same data as `ukf`, with the range-rate linearised (18) instead of unscented: the control that the paper
+    lacks."""
     return _run(data, tuning, {"sequential": _EKF, "simultaneous": _EKF_JOINT}[update], covariances)
 
 
@@ -173,7 +186,13 @@ def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x
     """All epochs forward; returns -1, or the epoch at which a covariance is not positive definite."""
     n = len(rates)
     H, chi, U = np.zeros(N), np.empty((SIGMA_POINTS, N)), np.empty((N, N))
-    gamma1, z1, R1, S1, white1 = np.empty((SIGMA_POINTS, 1)), np.empty(1), np.full((1, 1), s), np.empty((1, 1)), np.empty(1)
+    gamma1, z1, R1, S1, white1 = (
+        np.empty((SIGMA_POINTS, 1)),
+        np.empty(1),
+        np.full((1, 1), s),
+        np.empty((1, 1)),
+        np.empty(1),
+    )
     gamma4, z4, S4, white4 = np.empty((SIGMA_POINTS, 4)), np.empty(4), np.empty((4, 4)), np.empty(4)
     R4, H4 = np.diag(np.array([r, r, r, s])), np.zeros((4, N))
     for k in range(n):

@@ -12,14 +12,37 @@ from geokalman.files import natural_earth_dir
 from geokalman.grace.model import Array
 from geokalman.style import DIVERGING, METHODS, ink, paper
 
-LOOK = {"X": "exact", "N1": "newton", "N2": "newton", "E0": "ekf", "E1": "ekf", "E2": "ekf", "U1": "ukf", "U2": "ukf", "K0": "exact", "B11": "spline", "P2": "neutral"}
+LOOK = {
+    "X": "exact",
+    "N1": "newton",
+    "N2": "newton",
+    "E0": "ekf",
+    "E1": "ekf",
+    "E2": "ekf",
+    "U1": "ukf",
+    "U2": "ukf",
+    "K0": "exact",
+    "B11": "spline",
+    "P2": "neutral",
+}
 """Which method's colour an observable is drawn in."""
-_LINES = {"N2": ":", "E0": ":", "E2": "-", "U1": "--", "K0": "--"}  # beside the paper's three, which keep their method's line
+_LINES = {
+    "N2": ":",
+    "E0": ":",
+    "E2": "-",
+    "U1": "--",
+    "K0": "--",
+}  # beside the paper's three, which keep their method's line
 
 
 def _line(name: str) -> dict:
     method = METHODS[LOOK[name]]
-    return {"color": method.colour, "linestyle": _LINES.get(name, method.line), "marker": "+" if name == "K0" else method.marker, "markevery": 5}
+    return {
+        "color": method.colour,
+        "linestyle": _LINES.get(name, method.line),
+        "marker": "+" if name == "K0" else method.marker,
+        "markevery": 5,
+    }
 
 
 def degree_variances(degree: Array, reference: Array, recovered: Mapping[str, Array]) -> Figure:
@@ -38,7 +61,8 @@ def degree_variances(degree: Array, reference: Array, recovered: Mapping[str, Ar
 
 
 def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes: Mapping[str, Array]) -> Figure:
-    """Figure 5: |difference of degree variances| (left) and the error amplitude per degree in geoid height [m] (right)."""
+    """Figure 5: |difference of degree variances| (left) and the error amplitude per degree in geoid height [m]
+    (right)."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.6))
     for axis, curves in ((left, variances), (right, amplitudes)):
         for name, values in curves.items():
@@ -53,11 +77,20 @@ def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes
 def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal: Mapping[str, Array]) -> Figure:
     """Signal and error amplitude per degree in geoid height [m] for every observable.
 
-    formal: id -> amplitude that white errors of the observable's size would leave, drawn as a band from half to twice of it.
+    formal: id -> amplitude that white errors of the observable's size would leave, drawn as a band from half to twice
+    of it.
     """
     figure, axes = plt.subplots(figsize=(7.2, 4.4))
     for name, values in formal.items():
-        axes.fill_between(degree, 0.5 * values, 2 * values, color=_line(name)["color"], alpha=0.25, linewidth=0, label=f"{name}, formal")
+        axes.fill_between(
+            degree,
+            0.5 * values,
+            2 * values,
+            color=_line(name)["color"],
+            alpha=0.25,
+            linewidth=0,
+            label=f"{name}, formal",
+        )
     axes.semilogy(degree, signal, color=METHODS["truth"].colour, linewidth=3, alpha=0.45, label="signal")
     for name, values in errors.items():
         axes.semilogy(degree, values, label=name, **_line(name))
@@ -67,7 +100,8 @@ def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal
 
 
 def geoid_maps(grids: Mapping[str, Array], unit: str = "mm", shared: bool = True) -> Figure:
-    """Figures 6 and 7: geoid-height differences [m] on a cell-centred global grid, a map a method, symmetric colour scale.
+    """Figures 6 and 7: geoid-height differences [m] on a cell-centred global grid, a map a method, symmetric colour
+    scale.
 
     grids: title -> (n_lat, n_lon), south to north and from longitude 0 to 360. One colour scale serves all maps where
     `shared`, so that they can be compared; it ends at the 99.5 % quantile, and the map says so by its arrows.
@@ -97,7 +131,13 @@ def geoid_maps(grids: Mapping[str, Array], unit: str = "mm", shared: bool = True
         axis.set_title(name, loc="left")
         if not shared or axis is axes[-1, 0]:
             bar = figure.colorbar(
-                image, ax=axes[:, 0] if shared else axis, orientation="horizontal", shrink=0.7, aspect=40, pad=0.03, extend="both"
+                image,
+                ax=axes[:, 0] if shared else axis,
+                orientation="horizontal",
+                shrink=0.7,
+                aspect=40,
+                pad=0.03,
+                extend="both",
             )
             bar.set_label(f"geoid-height difference [{unit}]")
     return figure
@@ -122,7 +162,15 @@ def ground_track(lon_deg: Array, lat_deg: Array) -> Figure:
     figure, axes = plt.subplots(figsize=(7.2, 3.8), subplot_kw={"projection": ccrs.Robinson()})
     axes.set_facecolor(paper())
     axes.coastlines(resolution="110m", linewidth=0.6, color=ink())
-    axes.plot(lon_deg, lat_deg, ".", markersize=1.5, color=METHODS["ekf"].colour, transform=ccrs.PlateCarree(), rasterized=True)
+    axes.plot(
+        lon_deg,
+        lat_deg,
+        ".",
+        markersize=1.5,
+        color=METHODS["ekf"].colour,
+        transform=ccrs.PlateCarree(),
+        rasterized=True,
+    )
     axes.spines["geo"].set_edgecolor(ink())
     axes.set_global()
     return figure

@@ -1,6 +1,7 @@
 """The pair of satellites as the paper models it: the scenario, the range relations and the nine-state kinematic model.
 
-Source throughout: Sharifi, Farzaneh & Amootaghi (2019), with the errata of the book's page; equation numbers are theirs.
+Source throughout: Sharifi, Farzaneh & Amootaghi (2019), with the errata of the book's page; equation numbers are
+theirs.
 The relative vectors are leading minus trailing satellite, ``dr = r_A - r_B``, in the inertial frame.
 """
 
@@ -28,14 +29,15 @@ LOWEST_PERIGEE = 150e3  # m above the reference radius: below it no satellite co
 
 @dataclass(frozen=True)
 class Scenario:
-    """What is flown: field, orbit of the trailing satellite, separation in time, sampling and integrator. SI and radians.
+    """What is flown: field, orbit of the trailing satellite, separation in time, sampling and integrator. SI and
+    radians.
 
     The leading satellite A starts in the state that the trailing one, B, reaches after `tau` seconds. With `start` =
     "same-elements" it starts on B's osculating elements with a later mean anomaly instead: a pitfall, since the mean
     semi-major axes then differ by half a kilometre.
 
-    Raises ValueError, one sentence each, for a span without epochs, an orbit that is no ellipse or meets the Earth, an output
-    step that the integrator's step does not divide, and an unknown integrator.
+    Raises ValueError, one sentence each, for a span without epochs, an orbit that is no ellipse or meets the Earth, an
+    output step that the integrator's step does not divide, and an unknown integrator.
     """
 
     days: float = 30.0
@@ -65,7 +67,9 @@ class Scenario:
         if self.dt <= 0:
             raise ValueError(f"dt = {self.dt:g} s is not a sampling interval; give a positive number of seconds.")
         if self.epochs < 2:
-            raise ValueError(f"days = {self.days:g} is shorter than one sampling interval of dt = {self.dt:g} s; give more days.")
+            raise ValueError(
+                f"days = {self.days:g} is shorter than one sampling interval of dt = {self.dt:g} s; give more days."
+            )
         if self.n_max < 2:
             raise ValueError(f"n_max = {self.n_max} is below 2; degrees 0 and 1 are held fixed, so give 2 or more.")
         if not 0 <= self.e < 1:
@@ -92,12 +96,30 @@ class Scenario:
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Scenario:
-        """The scenario of a notebook's parameters: `a_km`, `inc_deg`, `tau_s` and `h_int` carry their units, the rest are SI.
+        """The scenario of a notebook's parameters: `a_km`, `inc_deg`, `tau_s` and `h_int` carry their units, the rest
+        are SI.
 
         `h_int` = None means the largest step that divides dt, up to 10 s for Gauss-Jackson and 15 s for DOP853.
         """
         p = {**parameters, **changes}
-        given = {name: p[name] for name in ("days", "dt", "n_max", "e", "raan", "argp", "m0", "integrator", "field", "rtol", "atol", "start") if name in p}
+        given = {
+            name: p[name]
+            for name in (
+                "days",
+                "dt",
+                "n_max",
+                "e",
+                "raan",
+                "argp",
+                "m0",
+                "integrator",
+                "field",
+                "rtol",
+                "atol",
+                "start",
+            )
+            if name in p
+        }
         if "a_km" in p:
             given["a"] = 1e3 * p["a_km"]
         if "inc_deg" in p:
@@ -105,7 +127,9 @@ class Scenario:
         if "tau_s" in p:
             given["tau"] = p["tau_s"]
         step = p.get("h_int")
-        given["h"] = default_step(given.get("integrator", cls.integrator), given.get("dt", cls.dt)) if step is None else step
+        given["h"] = (
+            default_step(given.get("integrator", cls.integrator), given.get("dt", cls.dt)) if step is None else step
+        )
         return cls(**given)
 
     @property
@@ -124,7 +148,8 @@ class Scenario:
 
 
 def default_step(integrator: str, dt: float) -> float:
-    """Step [s] that keeps the relative orbit at rounding level: the largest divisor of dt up to 10 s (gj) or 15 s (dop853)."""
+    """Step [s] that keeps the relative orbit at rounding level: the largest divisor of dt up to 10 s (gj) or 15 s
+    (dop853)."""
     longest = {"gj": 10.0, "dop853": 15.0}.get(integrator, dt)
     return dt / math.ceil(dt / longest - 1e-9)
 
@@ -133,8 +158,8 @@ def default_step(integrator: str, dt: float) -> float:
 class Tuning:
     """Weights of the kinematic filters, given by the two dimensionless numbers that alone matter without noise.
 
-    lambda_q = q h^5 / sigma_r^2 and mu = sigma_rr h / sigma_r, with h the sampling interval, q the power spectral density
-    of the jerk per axis [m^2 s^-5], sigma_r [m] of each component of dr and sigma_rr [m/s] of the range-rate.
+    lambda_q = q h^5 / sigma_r^2 and mu = sigma_rr h / sigma_r, with h the sampling interval, q the power spectral
+    density of the jerk per axis [m^2 s^-5], sigma_r [m] of each component of dr and sigma_rr [m/s] of the range-rate.
     alpha, beta, kappa are those of equations (32), (35), (36).
 
     Raises ValueError for a sigma, lambda_q or mu that is not positive.
@@ -155,11 +180,14 @@ class Tuning:
         if not math.isfinite(self.beta):
             raise ValueError(f"beta = {self.beta:g} is not finite; the paper has 0, and 2 suits Gaussians.")
         if not 0 < 9 + self.kappa < math.inf:
-            raise ValueError(f"kappa = {self.kappa:g} does not make n + kappa positive and finite for the n = 9 states; give kappa > -9.")
+            raise ValueError(
+                f"kappa = {self.kappa:g} does not make n + kappa positive and finite for the n = 9 states; give kappa > -9."
+            )
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any], dt: float, **changes: Any) -> Tuning:
-        """The tuning of a notebook's parameters; `filter_sigma_r` and `filter_sigma_rr`, where given, set the sigmas directly."""
+        """The tuning of a notebook's parameters; `filter_sigma_r` and `filter_sigma_rr`, where given, set the sigmas
+        directly."""
         p = {**parameters, **changes}
         given = {name: p[name] for name in ("lambda_q", "mu", "sigma_r", "alpha", "beta", "kappa") if name in p}
         if p.get("filter_sigma_r") is not None:
@@ -187,8 +215,8 @@ class Observations:
     """What a method may see: epochs every dt [s], relative positions (n, 3) [m], range-rates (n,) [m/s], and a prior.
 
     A missing observation is NaN. The prior is N(prior_mean (9,), prior_cov (9, 9)) of [dr, dv, da] at the first epoch.
-    Raises ValueError for shapes that do not fit, an infinite observation (naming the epoch), a prior that is not finite or
-    not symmetric; NotPositiveDefinite for a prior covariance with a negative eigenvalue.
+    Raises ValueError for shapes that do not fit, an infinite observation (naming the epoch), a prior that is not finite
+    or not symmetric; NotPositiveDefinite for a prior covariance with a negative eigenvalue.
     """
 
     dt: float

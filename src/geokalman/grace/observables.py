@@ -53,7 +53,12 @@ def from_range_rate(states: Trajectory) -> Array:
 
 
 def observables(
-    orbit: OrbitPair, gravity: GravityField, data: Observations, tuning: Tuning, literal: Tuning, ids: Iterable[str] = IDS
+    orbit: OrbitPair,
+    gravity: GravityField,
+    data: Observations,
+    tuning: Tuning,
+    literal: Tuning,
+    ids: Iterable[str] = IDS,
 ) -> dict[str, Array]:
     """Line-of-sight gravity differences (n,) [m/s^2] for the wanted ids, in their order.
 

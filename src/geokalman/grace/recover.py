@@ -1,8 +1,9 @@
-"""Recovery of a gravity field from line-of-sight gravity differences: the acceleration approach, equations (47) to (49).
+"""Recovery of a gravity field from line-of-sight gravity differences: the acceleration approach, equations (47) to
+(49).
 
 Every epoch gives one equation, e . (g_A - g_B) = observed, linear in the coefficients of degree 2 and above; degrees 0
-and 1 are held. All methods are right-hand sides of one normal matrix. Positions in the design matrix are the true ones for
-all methods: the smoothed ones differ by micrometres, which does not show.
+and 1 are held. All methods are right-hand sides of one normal matrix. Positions in the design matrix are the true ones
+for all methods: the smoothed ones differ by micrometres, which does not show.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ BLOCK = 2048  # rows of the design matrix that stand in memory at a time: 83 MB 
 class Recovery:
     """Coefficients (ids, N+1, N+1) recovered from each observable, and how the normal matrix stood.
 
-    formal_C, formal_S (N+1, N+1): standard deviations for white observations of unit variance [per m/s^2]; condition: ratio
-    of the extreme eigenvalues of the normal matrix scaled to unit diagonal.
+    formal_C, formal_S (N+1, N+1): standard deviations for white observations of unit variance [per m/s^2]; condition:
+    ratio of the extreme eigenvalues of the normal matrix scaled to unit diagonal.
     """
 
     n_max: int
@@ -79,8 +80,9 @@ def recover(
     Raises
     ------
     ValueError
-        Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not finite
-        between them (naming the epoch), or the epochs are fewer than the unknowns; SingularNormalMatrix, naming degrees and orders, where they do not determine them.
+        Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not
+        finite between them (naming the epoch), or the epochs are fewer than the unknowns; SingularNormalMatrix, naming
+        degrees and orders, where they do not determine them.
     """
     n_max = gravity.n_max if n_max is None else n_max
     count, ids = len(orbit.t), tuple(observables)
@@ -88,7 +90,9 @@ def recover(
         raise ValueError("there is no observable to recover from; give at least one.")
     for name, series in observables.items():
         if np.shape(series) != (count,):
-            raise ValueError(f"observable {name} has the shape {np.shape(series)}, the orbit has {count} epochs; give one value for each.")
+            raise ValueError(
+                f"observable {name} has the shape {np.shape(series)}, the orbit has {count} epochs; give one value for each."
+            )
     if edge < 0:
         raise ValueError(f"edge = {edge} is not a number of epochs; give 0 or more.")
     rows, unknowns = count - 2 * edge, column_count(n_max)
@@ -100,7 +104,9 @@ def recover(
     los = np.column_stack([observables[name] for name in ids])[edge : count - edge]
     if not np.isfinite(los).all():
         row, k = np.argwhere(~np.isfinite(los))[0]
-        raise ValueError(f"observable {ids[k]} is not finite at epoch {edge + row}; edge = {edge} must cover the stencils.")
+        raise ValueError(
+            f"observable {ids[k]} is not finite at epoch {edge + row}; edge = {edge} must cover the stencils."
+        )
     inner = slice(edge, count - edge)
     r_A, r_B = (to_ecef(orbit.t[inner], state[inner, :3], OMEGA_EARTH) for state in (orbit.A, orbit.B))
     starts = range(0, rows, BLOCK)
@@ -117,7 +123,9 @@ def recover(
     try:
         solution = normals.factor(overwrite=True)
     except SingularNormalMatrix as error:
-        raise SingularNormalMatrix(f"{error} A longer span, an orbit closer to the poles or an n_max below {n_max} may determine them.") from None
+        raise SingularNormalMatrix(
+            f"{error} A longer span, an orbit closer to the poles or an n_max below {n_max} may determine them."
+        ) from None
     C, S = (np.array(parts) for parts in zip(*(from_vector(x, n_max) for x in solution.estimate.T), strict=True))
     C[:, 0, 0] = 1.0
     formal_C, formal_S = from_vector(np.sqrt(solution.variances()), n_max)
@@ -135,7 +143,12 @@ def _block_normals(gm: float, radius: float, n_max: int, block: tuple[Array, Arr
 
 
 def _add(
-    normals: NormalEquations, gm: float, radius: float, n_max: int, block: tuple[Array, Array, Array], design: Array | None
+    normals: NormalEquations,
+    gm: float,
+    radius: float,
+    n_max: int,
+    block: tuple[Array, Array, Array],
+    design: Array | None,
 ) -> None:
     """Add a block of epochs; the observations are reduced by the point mass, which is held."""
     r_A, r_B, los = block

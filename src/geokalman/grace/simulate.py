@@ -54,7 +54,8 @@ class OrbitPair:
 
 
 def start_states(scenario: Scenario, gravity: GravityField) -> tuple[Array, Array]:
-    """Inertial states (6,) of A and B at t = 0 [m, m/s]: A is where B arrives tau seconds later, integrated by DOP853."""
+    """Inertial states (6,) of A and B at t = 0 [m, m/s]: A is where B arrives tau seconds later, integrated by
+    DOP853."""
     elements = (scenario.a, scenario.e, scenario.inc, scenario.raan, scenario.argp)
     B = kepler_to_state((*elements, scenario.m0), gravity.gm)
     if scenario.start == "same-elements":
@@ -91,16 +92,23 @@ def accelerations(orbit: OrbitPair, gravity: GravityField) -> tuple[Array, Array
 
 
 def observe(
-    orbit: OrbitPair, gravity: GravityField, rng: np.random.Generator | None = None, sigma_pos: float = 0.0, sigma_rr: float = 0.0
+    orbit: OrbitPair,
+    gravity: GravityField,
+    rng: np.random.Generator | None = None,
+    sigma_pos: float = 0.0,
+    sigma_rr: float = 0.0,
 ) -> Observations:
     """Relative positions and K-band range-rates of the pair, with white noise where asked for.
 
-    sigma_pos [m] per axis and satellite, sigma_rr [m/s]. The draws are, in this order: A (n, 3), B (n, 3), range-rate (n,).
+    sigma_pos [m] per axis and satellite, sigma_rr [m/s]. The draws are, in this order: A (n, 3), B (n, 3), range-rate
+    (n,).
     The prior mean is the truth at t = 0, as the default set-up of the part says.
     """
     baseline, rate = orbit.dr, range_rate(orbit.dr, orbit.dv)
     if sigma_pos < 0 or sigma_rr < 0:
-        raise ValueError(f"sigma_pos = {sigma_pos:g} m and sigma_rr = {sigma_rr:g} m/s: a standard deviation is not negative.")
+        raise ValueError(
+            f"sigma_pos = {sigma_pos:g} m and sigma_rr = {sigma_rr:g} m/s: a standard deviation is not negative."
+        )
     if sigma_pos or sigma_rr:
         if rng is None:
             raise ValueError("noise needs a random generator; give numpy.random.default_rng(seed).")

@@ -1,4 +1,5 @@
-"""Checks at the border of the core: shapes, finite numbers, symmetric and positive covariances; one clear error each."""
+"""Checks at the border of the core: shapes, finite numbers, symmetric and positive covariances; one clear error
+each."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ _EPS = float(np.finfo(float).eps)
 class NotPositiveDefinite(ValueError):
     """A covariance that must be positive definite is not.
 
-    matrix : its name, e.g. "innovation covariance"; epoch : index of the epoch, None outside a run; t : its time [s] or None.
+    matrix : its name, e.g. "innovation covariance"; epoch : index of the epoch, None outside a run; t : its time [s] or
+    None.
     """
 
     def __init__(self, matrix: str, epoch: int | None = None, t: float | None = None, detail: str = "") -> None:
@@ -48,7 +50,8 @@ def array(name: str, value, *shape: int | None, missing: bool = False) -> np.nda
 
 
 def covariance(name: str, value, n: int) -> np.ndarray:
-    """A checked covariance (n, n): finite, symmetric and positive semidefinite up to rounding; returned exactly symmetric.
+    """A checked covariance (n, n): finite, symmetric and positive semidefinite up to rounding; returned exactly
+    symmetric.
 
     Both are judged on the correlation matrix, so that the units of the states do not matter.
     Raises ValueError where it is not symmetric, NotPositiveDefinite where an eigenvalue is negative.

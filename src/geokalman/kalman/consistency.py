@@ -91,8 +91,9 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
 def whiteness(whitened, lags: int) -> Whiteness:
     """Ljung-Box portmanteau test that whitened innovations are uncorrelated in time, each component for itself, summed.
 
-    r_l = [sum_t w_t w_(t+l) / n_l] / [sum_t w_t^2 / n_0],  statistic = (1 + 2 / n_0) sum_l n_l r_l^2 over all components,
-    n_l the number of pairs with both values there; without gaps this is the usual Ljung-Box statistic of a zero-mean series.
+    r_l = [sum_t w_t w_(t+l) / n_l] / [sum_t w_t^2 / n_0],  statistic = (1 + 2 / n_0) sum_l n_l r_l^2 over all
+    components, n_l the number of pairs with both values there; without gaps this is the usual Ljung-Box statistic of a
+    zero-mean series.
     whitened : (N, m), NaN where missing; lags : largest lag, 1 <= lags < N.
     Raises ValueError for another shape, for lags out of range and where a lag has no pair.
     Source: Ljung and Box (1978), Biometrika 65, 297-303.
@@ -118,7 +119,8 @@ def monte_carlo(
 ) -> list[Result]:
     """Call run(default_rng(seed)) for each seed; the results come in the order of the seeds, whatever executes them.
 
-    run : takes a Generator and nothing else, so that run i is the same on 1 and on many workers (a module-level function
+    run : takes a Generator and nothing else, so that run i is the same on 1 and on many workers (a module-level
+    function
     where a process pool is to send it); seeds : e.g. range(seed0, seed0 + count); executor : any
     concurrent.futures.Executor, None runs here. An error of a run is raised here.
     """

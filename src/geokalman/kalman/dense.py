@@ -1,8 +1,10 @@
-"""Small dense kernels: Cholesky factor, triangular solves, symmetrisation; explicit loops, which beat BLAS below n = 20.
+"""Small dense kernels: Cholesky factor, triangular solves, symmetrisation; explicit loops, which beat BLAS below n =
+20.
 
-Every factor is upper triangular, A = U' U: its rows are contiguous and row i is the i-th column of the usual lower root.
-A Cholesky factor without pivoting does not depend on the scaling of the rows and columns of A beyond rounding, so metres
-beside micrometres per second need no scaling before it.
+Every factor is upper triangular, A = U' U: its rows are contiguous and row i is the i-th column of the usual lower
+root.
+A Cholesky factor without pivoting does not depend on the scaling of the rows and columns of A beyond rounding, so
+metres beside micrometres per second need no scaling before it.
 """
 
 from __future__ import annotations
@@ -13,7 +15,8 @@ from numba import njit
 
 @njit(cache=True)
 def copy_state(x: np.ndarray, P: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> None:
-    """Copy a mean (n,) and a covariance (n, n); a slice assignment would compile for seconds (numba's error message)."""
+    """Copy a mean (n,) and a covariance (n, n); a slice assignment would compile for seconds (numba's error
+    message)."""
     n = x.shape[0]
     for i in range(n):
         x_out[i] = x[i]
@@ -64,7 +67,8 @@ def cholesky_upper(A: np.ndarray, U: np.ndarray) -> int:
 
 @njit(cache=True)
 def root_semidefinite(A: np.ndarray, G: np.ndarray) -> int:
-    """Factor a positive semidefinite A = G' G: by `cholesky_upper`, or where that fails with pivoting, then not triangular.
+    """Factor a positive semidefinite A = G' G: by `cholesky_upper`, or where that fails with pivoting, then not
+    triangular.
 
     The pivot is the largest relative to its A[k, k]; the factor ends, with rows of zeros, where all of them are below
     10 n eps (eps the spacing of doubles), the rounding of the subtractions before.

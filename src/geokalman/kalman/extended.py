@@ -1,4 +1,5 @@
-"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h, and a run over several sensors."""
+"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h, and a run over several
+sensors."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ class Sensor(NamedTuple):
     """One instrument's observations z = h(x, t) + v, v ~ N(0, R), on the epochs of a run.
 
     z : (N, m), NaN where a component or an epoch is missing [its units]; R : (m, m) or (N, m, m); h(x, t) : (m,);
-    H(x, t) : (m, n) = dh/dx, needed by the extended filter only. Observations in one sensor are processed jointly at one
-    linearisation, sensors one after the other, each at the state that the one before left.
+    H(x, t) : (m, n) = dh/dx, needed by the extended filter only. Observations in one sensor are processed jointly at
+    one linearisation, sensors one after the other, each at the state that the one before left.
     """
 
     z: np.ndarray

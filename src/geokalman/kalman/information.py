@@ -3,8 +3,8 @@
 The information form needs no prior: zeros say that nothing is known (a diffuse prior). `smooth_two_filter` joins the
 covariance filter forward with an information filter backward, `smooth_information` runs both in information form.
 
-The information vector is cov^-1 mean: with coordinates of 1e5 m known to a millimetre its rounding alone moves the mean by
-thousandths of a sigma. The loops therefore work on deviations from a nominal trajectory x*, for which
+The information vector is cov^-1 mean: with coordinates of 1e5 m known to a millimetre its rounding alone moves the mean
+by thousandths of a sigma. The loops therefore work on deviations from a nominal trajectory x*, for which
 dx_(k+1) = Phi dx_k + u_k + w with the known u_k = Phi x*_k - x*_(k+1), and z - H x* for z.
 """
 
@@ -141,7 +141,8 @@ def information_predict_step(y: np.ndarray, Y: np.ndarray, Psi: np.ndarray, G: n
 def combine_step(
     x: np.ndarray, P: np.ndarray, y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray
 ) -> int:
-    """Combine N(x, P) with independent information (y, Y) on the deviation from x:  P_out = (P^-1 + Y)^-1,  x_out = x + P_out y.
+    """Combine N(x, P) with independent information (y, Y) on the deviation from x:  P_out = (P^-1 + Y)^-1,  x_out = x +
+    P_out y.
 
     Evaluated as U' (I + U Y U')^-1 U with P = U' U: no inverse of P or Y, and positive by construction.
     x, y, x_out : (n,); P, Y, P_out : (n, n). Outputs must not overlap inputs.
@@ -226,7 +227,8 @@ def backward_loop(
     y: np.ndarray,
     Y: np.ndarray,
 ) -> tuple[int, int]:
-    """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the end.
+    """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the
+    end.
 
     z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input of each step.
     Returns (epoch, status) of an R without full rank, or (-1, 0).
@@ -258,7 +260,8 @@ def forward_loop(
     y: np.ndarray,
     Y: np.ndarray,
 ) -> tuple[int, int]:
-    """Information on x_k in the prior and the observations up to epoch k: y[0], Y[0] hold the prior, the rest is output.
+    """Information on x_k in the prior and the observations up to epoch k: y[0], Y[0] hold the prior, the rest is
+    output.
 
     Arguments as in `backward_loop`, Psi : (K, n, n) the inverse transitions. Returns as there.
     """
@@ -304,8 +307,8 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b); a second pass, about the first solution, removes its rounding.
     t, z, H, R, transition : as in `filter_linear`, R positive definite, Phi invertible; prior : Information at t[0]
     before its observation, None for a diffuse one.
-    Returns the Smoothed states. Raises ValueError for wrong input, NotPositiveDefinite with the first epoch whose state the
-    observations leave undetermined.
+    Returns the Smoothed states. Raises ValueError for wrong input, NotPositiveDefinite with the first epoch whose state
+    the observations leave undetermined.
     Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
     """
     t = epochs(t)

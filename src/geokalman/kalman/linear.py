@@ -56,7 +56,8 @@ def predict_step(
 
 @njit(cache=True)
 def scalar_update_step(x: np.ndarray, P: np.ndarray, residual: float, H: np.ndarray, r: float) -> float:
-    """Condition N(x, P) on one observation with residual = z - h(x), row H = dh/dx and variance r, in place (Joseph form).
+    """Condition N(x, P) on one observation with residual = z - h(x), row H = dh/dx and variance r, in place (Joseph
+    form).
 
     S = H P H' + r,  K = P H' / S,  x += K residual,  P = (I - K H) P (I - K H)' + K r K'.
     x, H : (n,); P : (n, n). Zeros of H cost little. Returns S; where S is not positive nothing was changed.
@@ -80,7 +81,8 @@ def scalar_update_step(x: np.ndarray, P: np.ndarray, residual: float, H: np.ndar
         K[j] = g[j] / S
         x[j] += K[j] * residual
         u[j] = -r * K[j]
-    # P (I - K H)' first; then u = H P (I - K H)' - r K', which is zero but for rounding, carries the rest of the Joseph form.
+    # P (I - K H)' first; then u = H P (I - K H)' - r K', which is zero but for rounding, carries the rest of the Joseph
+    # form.
     for i in range(n):
         for j in range(n):
             P[i, j] -= g[i] * K[j]
@@ -341,7 +343,8 @@ def filter_linear(prior: Gaussian, t, z, H, R, transition: Transition, sequentia
 
 
 def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is which.
+    """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is
+    which.
 
     transition : as in `filter_linear`; t : (N,) checked epochs. Raises ValueError for matrices of a wrong shape.
     """

@@ -1,11 +1,13 @@
-"""Filtering on a manifold: the error lives in a tangent space, R^n, and a retraction puts its estimate back into the state.
+"""Filtering on a manifold: the error lives in a tangent space, R^n, and a retraction puts its estimate back into the
+state.
 
-x_true = x [+] d with the error d ~ N(0, P). Prediction maps the error by its transition matrix, an update estimates d and
-resets it into the state, and the smoother estimates d again from the next epoch. The compiled steps know the error only;
-the loop around them holds the state (an attitude quaternion, say) and its retraction. `filter_manifold` and
+x_true = x [+] d with the error d ~ N(0, P). Prediction maps the error by its transition matrix, an update estimates d
+and resets it into the state, and the smoother estimates d again from the next epoch. The compiled steps know the error
+only; the loop around them holds the state (an attitude quaternion, say) and its retraction. `filter_manifold` and
 `smooth_manifold` are that loop for any manifold, in Python.
 
-Source: Lefferts, Markley & Shuster (1982), J. Guidance 5(5), 417-429; Hertzberg et al. (2013), Information Fusion 14, 57-77.
+Source: Lefferts, Markley & Shuster (1982), J. Guidance 5(5), 417-429; Hertzberg et al. (2013), Information Fusion 14,
+57-77.
 """
 
 from __future__ import annotations
@@ -34,11 +36,18 @@ def error_predict_step(P: np.ndarray, A: np.ndarray, Q: np.ndarray, P_out: np.nd
 
 @njit(cache=True)
 def error_update_step(
-    P: np.ndarray, residual: np.ndarray, H: np.ndarray, R: np.ndarray, d: np.ndarray, S: np.ndarray, whitened: np.ndarray
+    P: np.ndarray,
+    residual: np.ndarray,
+    H: np.ndarray,
+    R: np.ndarray,
+    d: np.ndarray,
+    S: np.ndarray,
+    whitened: np.ndarray,
 ) -> int:
     """Condition the error, of mean zero, on m observations with residual = H d + v, v ~ N(0, R) (Joseph form).
 
-    P : (n, n) in place; residual, whitened : (m,); H : (m, n); R, S : (m, m); d : (n,) output, to be retracted into the state.
+    P : (n, n) in place; residual, whitened : (m,); H : (m, n); R, S : (m, m); d : (n,) output, to be retracted into the
+    state.
     Returns 0, or k >= 1 when S is not positive definite in row k - 1 (P is then unchanged and d zero).
     """
     for j in range(d.shape[0]):
@@ -57,10 +66,11 @@ def error_rts_step(
     d: np.ndarray,
     P_out: np.ndarray,
 ) -> int:
-    """One backward step of the RTS smoother on a manifold: d = C d_next, C = P A' P_predicted^-1, to be retracted at this epoch.
+    """One backward step of the RTS smoother on a manifold: d = C d_next, C = P A' P_predicted^-1, to be retracted at
+    this epoch.
 
-    d_next : (n,) smoothed minus predicted state of the next epoch, in the tangent space of the predicted one; P : filtered at
-    this epoch; P_predicted, A, Q : of the step to the next; P_next : smoothed there. d : (n,), P_out : (n, n) outputs.
+    d_next : (n,) smoothed minus predicted state of the next epoch, in the tangent space of the predicted one;
+    P : filtered at this epoch; P_predicted, A, Q : of the step to the next; P_next : smoothed there. d : (n,), P_out : (n, n) outputs.
     Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
     """
     n = P.shape[0]
@@ -69,7 +79,8 @@ def error_rts_step(
 
 
 class Manifold(NamedTuple):
-    """retract(x, d) = x [+] d, a state from a state and an error (n,); local(x, y) = y [-] x, the error that leads from x to y."""
+    """retract(x, d) = x [+] d, a state from a state and an error (n,); local(x, y) = y [-] x, the error that leads from
+    x to y."""
 
     retract: Callable[[Any, np.ndarray], Any]
     local: Callable[[Any, Any], np.ndarray]
@@ -77,9 +88,11 @@ class Manifold(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A filter's course on a manifold: states before and after the update (lists of N), covariances (N, n, n) of their errors.
+    """A filter's course on a manifold: states before and after the update (lists of N), covariances (N, n, n) of their
+    errors.
 
-    transition, process_noise : (N - 1, n, n) of the step from epoch k to k + 1; whitened : innovation of each epoch, None in gaps.
+    transition, process_noise : (N - 1, n, n) of the step from epoch k to k + 1; whitened : innovation of each epoch,
+    None in gaps.
     """
 
     predicted: list[Any]
@@ -131,7 +144,9 @@ def filter_manifold(
             residual = array("residual", seen[0], None)
             m = len(residual)
             d, w = np.empty(n), np.empty(m)
-            if error_update_step(covs[k], residual, array("H", seen[1], m, n), covariance("R", seen[2], m), d, np.empty((m, m)), w):
+            if error_update_step(
+                covs[k], residual, array("H", seen[1], m, n), covariance("R", seen[2], m), d, np.empty((m, m)), w
+            ):
                 raise NotPositiveDefinite("innovation covariance", k)
             x = manifold.retract(x, d)
             whitened.append(w)
@@ -149,7 +164,14 @@ def smooth_manifold(manifold: Manifold, course: Course) -> tuple[list[Any], np.n
         d_next = np.ascontiguousarray(manifold.local(course.predicted[k + 1], states[k + 1]), dtype=float)
         d = np.empty(len(d_next))
         status = error_rts_step(
-            course.cov[k], course.predicted_cov[k + 1], course.transition[k], course.process_noise[k], d_next, covs[k + 1], d, covs[k]
+            course.cov[k],
+            course.predicted_cov[k + 1],
+            course.transition[k],
+            course.process_noise[k],
+            d_next,
+            covs[k + 1],
+            d,
+            covs[k],
         )
         if status:
             raise NotPositiveDefinite("predicted covariance", k + 1)

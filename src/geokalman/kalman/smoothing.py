@@ -1,4 +1,5 @@
-"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); the two-filter form of the same posterior is `information`."""
+"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); the two-filter form of the same posterior is
+`information`."""
 
 from __future__ import annotations
 
@@ -65,7 +66,8 @@ def rts_step(
 
     C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
     P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
-    x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi, Q; x_next, P_next :
+    x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi, Q; x_next, P_next
+    :
     smoothed there; vectors (n,), matrices (n, n). The outputs must not overlap P, Phi, Q, P_next; x_out may be x.
     Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
     """

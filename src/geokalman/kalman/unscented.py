@@ -1,15 +1,15 @@
 """The scaled unscented Kalman filter: sigma points, transform, update; written in differences so that nothing cancels.
 
-With n + lambda = alpha^2 (n + kappa) = c^2 the textbook weights are Wm0 = lambda / c^2, Wc0 = Wm0 + 1 - alpha^2 + beta and
-Wi = 1 / (2 c^2). They add up to one, so with d_i = (gamma_i+ - gamma_i-) / (2 c) and s_i = (gamma_i+ - 2 gamma_0 + gamma_i-) / (2 c)
-the weighted sums are, exactly,
+With n + lambda = alpha^2 (n + kappa) = c^2 the textbook weights are Wm0 = lambda / c^2, Wc0 = Wm0 + 1 - alpha^2 + beta
+and Wi = 1 / (2 c^2). They add up to one, so with d_i = (gamma_i+ - gamma_i-) / (2 c) and s_i = (gamma_i+ - 2 gamma_0 +
+gamma_i-) / (2 c) the weighted sums are, exactly,
 
     mean  = gamma_0 + mu,   mu = sum_i s_i / c,
     cov   = noise + sum_i (d_i d_i' + s_i s_i') + (beta - alpha^2) mu mu',
     cross = sum_i p_i d_i'  with p_i the i-th column of the root of P.
 
-No large weights of opposite sign remain, whatever alpha; and for beta >= 0, kappa >= 0 the part that does not come from d
-is at least `noise`, so that the update below leaves a positive definite covariance by construction.
+No large weights of opposite sign remain, whatever alpha; and for beta >= 0, kappa >= 0 the part that does not come from
+d is at least `noise`, so that the update below leaves a positive definite covariance by construction.
 """
 
 from __future__ import annotations
@@ -184,7 +184,8 @@ def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, floa
 def weights(n: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndarray, np.ndarray]:
     """The textbook weights of the 2 n + 1 sigma points, for the mean and for the covariance (not used by the kernels).
 
-    Wm0 = lambda / (n + lambda),  Wc0 = Wm0 + 1 - alpha^2 + beta,  Wi = 1 / (2 (n + lambda)),  lambda = alpha^2 (n + kappa) - n.
+    Wm0 = lambda / (n + lambda),  Wc0 = Wm0 + 1 - alpha^2 + beta,  Wi = 1 / (2 (n + lambda)),  lambda = alpha^2 (n +
+    kappa) - n.
     Returns Wm, Wc : (2 n + 1,). Raises ValueError as `spread`. Source: grace-fusion (32), (35)-(37).
     """
     c, _ = spread(n, alpha, beta, kappa)
@@ -196,7 +197,8 @@ def weights(n: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndarray
 
 
 def sigma_points(x: Gaussian, alpha: float = 1.0, beta: float = 2.0, kappa: float = 0.0) -> np.ndarray:
-    """The sigma points (2 n + 1, n) of a Gaussian: the mean, then for each column p_i of the root mean - c p_i, mean + c p_i.
+    """The sigma points (2 n + 1, n) of a Gaussian: the mean, then for each column p_i of the root mean - c p_i, mean +
+    c p_i.
 
     Raises NotPositiveDefinite where the covariance has no root of full rank. Source: grace-fusion (29)-(31).
     """
@@ -237,8 +239,8 @@ def update(
 ) -> tuple[Gaussian, Innovation]:
     """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), by the scaled unscented transform, redrawn from the prior.
 
-    z : (m,) measured, NaN where missing [sensor units]; h : takes (n,), gives (m,); R : (m, m); alpha, beta, kappa as in
-    `spread`. Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
+    z : (m,) measured, NaN where missing [sensor units]; h : takes (n,), gives (m,); R : (m, m); alpha, beta, kappa as
+    in `spread`. Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong input, NotPositiveDefinite where the prior or S has no root of full rank.
     Source: grace-fusion (26)-(28), (34)-(43).
     """
@@ -261,7 +263,8 @@ def filter_unscented(
     """Unscented Kalman filter over N epochs; the sensors of an epoch are processed in order, each from redrawn points.
 
     prior : Gaussian at t[0], before the observations of that epoch; t : (N,) [s]; f(x, t0, t1) : (n,) state at t1 from
-    that at t0; Q : (n, n), or Q(t0, t1); sensors : see `Sensor` (their H is not used); alpha, beta, kappa as in `spread`.
+    that at t0; Q : (n, n), or Q(t0, t1); sensors : see `Sensor` (their H is not used); alpha, beta, kappa as in
+    `spread`.
     Returns the Trajectory; its transition holds cross' P^-1 of each step, its process_noise what that leaves of the
     predicted covariance, so that `smoothing.smooth` on it is the unscented RTS smoother (Sarkka 2008).
     Raises ValueError for wrong input, NotPositiveDefinite with the epoch.

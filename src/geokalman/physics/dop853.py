@@ -30,8 +30,10 @@ def body_below(y, surface):
     return -1
 
 
-@njit(types.int64(types.FunctionType(FORCE), vector, vector, vector, vector, types.int64[::1], types.float64, matrix),
-      cache=True)
+@njit(
+    types.int64(types.FunctionType(FORCE), vector, vector, vector, vector, types.int64[::1], types.float64, matrix),
+    cache=True,
+)
 def dop853_steps(force, params, t, y, lost, substeps, surface, out):
     """Take the state from time to time with equal Runge-Kutta steps in between.
 

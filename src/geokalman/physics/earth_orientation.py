@@ -2,8 +2,8 @@
 
     R_gcrs_itrs = Q(X, Y, s) Rz(-ERA(UT1)) W(xp, yp),   W = Rz(-s') Ry(xp) Rx(yp).
 
-Daily values are interpolated linearly (UT1 through UT1 - TAI, which has no steps); corrections dX, dY (below 0.3 mas in these
-years, 0.01 m on the ground) and sub-daily terms are left out. Source: IERS Conventions (2010), section 5.
+Daily values are interpolated linearly (UT1 through UT1 - TAI, which has no steps); corrections dX, dY (below 0.3 mas in
+these years, 0.01 m on the ground) and sub-daily terms are left out. Source: IERS Conventions (2010), section 5.
 """
 
 from __future__ import annotations

@@ -86,7 +86,9 @@ class GravityField:
     def truncate(self, n: int) -> GravityField:
         """The field to degree and order `n`; raises ValueError unless 2 <= n <= n_max."""
         if not 2 <= n <= self.n_max:
-            raise ValueError(f"n_max = {n} is out of range: {self.name} has degrees 2 to {self.n_max}; give {self.n_max} or less.")
+            raise ValueError(
+                f"n_max = {n} is out of range: {self.name} has degrees 2 to {self.n_max}; give {self.n_max} or less."
+            )
         if n == self.n_max:
             return self
         parts = {k: getattr(self, k) for k in ("C", "S", "sigma_C", "sigma_S")}

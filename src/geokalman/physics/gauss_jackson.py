@@ -98,9 +98,24 @@ def add(total, term, lost):
     return exact, lost - (exact - rough)
 
 
-@njit(types.int64(types.FunctionType(FORCE), vector, types.float64, types.float64, types.int64, types.int64,
-                  vector, vector, types.float64, matrix, matrix, matrix, matrix),
-      cache=True)
+@njit(
+    types.int64(
+        types.FunctionType(FORCE),
+        vector,
+        types.float64,
+        types.float64,
+        types.int64,
+        types.int64,
+        vector,
+        vector,
+        types.float64,
+        matrix,
+        matrix,
+        matrix,
+        matrix,
+    ),
+    cache=True,
+)
 def gauss_jackson_steps(force, params, t0, h, first, begin, u, w, surface, a, s1, s2, lost):
     """Extend the accelerations and their sums over a window of the grid, one evaluation of the force a step.
 

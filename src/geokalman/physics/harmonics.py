@@ -37,7 +37,8 @@ GAUSSIAN_CUT = 1e-7
 
 
 def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None) -> GravityField:
-    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`; empty is `EGM96`) or any ICGEM `.gfc` file by its path.
+    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`; empty is `EGM96`)
+    or any ICGEM `.gfc` file by its path.
 
     Parameters
     ----------

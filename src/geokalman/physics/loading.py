@@ -22,19 +22,23 @@ LOVE_NUMBERS = (
 
 
 def water_factors(n_max: int, radius: float) -> Array:
-    """Metres of water per unit of a coefficient's change, by degree (n_max + 1,): a rho_E / (3 rho_W) (2n + 1) / (1 + k_n).
+    """Metres of water per unit of a coefficient's change, by degree (n_max + 1,): a rho_E / (3 rho_W) (2n + 1) / (1 +
+    k_n).
 
     radius : reference radius [m]; n_max up to 200. Raises ValueError beyond. Source: Wahr et al. (1998), equation (14).
     """
     if not 0 <= n_max <= LOVE_DEGREES[-1]:
-        raise ValueError(f"n_max = {n_max} is beyond the load Love numbers at hand, which end at degree {LOVE_DEGREES[-1]}.")
+        raise ValueError(
+            f"n_max = {n_max} is beyond the load Love numbers at hand, which end at degree {LOVE_DEGREES[-1]}."
+        )
     n = np.arange(n_max + 1)
     k = np.interp(n, LOVE_DEGREES, LOVE_NUMBERS)
     return radius * DENSITY_EARTH / (3 * DENSITY_WATER) * (2 * n + 1) / (1 + k)
 
 
 def water_height(dC: Array, dS: Array, radius: float, lat: Array, lon: Array, gauss_km: float = 0.0) -> Array:
-    """Equivalent water height (n_lat, n_lon) [m] of coefficient changes dC, dS (N+1, N+1) on a grid [rad], low-passed."""
+    """Equivalent water height (n_lat, n_lon) [m] of coefficient changes dC, dS (N+1, N+1) on a grid [rad],
+    low-passed."""
     n_max = dC.shape[-1] - 1
     weights = water_factors(n_max, radius) * gaussian_weights(n_max, gauss_km)
     return synthesis(dC, dS, lat, lon, weights=weights)

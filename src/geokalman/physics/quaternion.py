@@ -1,8 +1,9 @@
 """Unit quaternions, scalar first, Hamilton product (ij = k): products, exponential, logarithm, matrices, interpolation.
 
-``R(q)`` is the active matrix of v' = q v q*; where q maps frame a to frame b, v_b = R(q) v_a. q and -q are one rotation.
-The functions named ``*_point`` are compiled kernels on one quaternion (4,) or rotation vector (3,), callable by name from a
-compiled loop; the others work on arrays (..., 4) and (..., 3) and broadcast.
+``R(q)`` is the active matrix of v' = q v q*; where q maps frame a to frame b, v_b = R(q) v_a. q and -q are one
+rotation.
+The functions named ``*_point`` are compiled kernels on one quaternion (4,) or rotation vector (3,), callable by name
+from a compiled loop; the others work on arrays (..., 4) and (..., 3) and broadcast.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ def exp_point(v, out):
 
 @njit(cache=True)
 def log_point(q, out):
-    """Rotation vector out (3,) [rad] of the quaternion q, the shorter of its two, |out| <= pi; q need not be of unit norm."""
+    """Rotation vector out (3,) [rad] of the quaternion q, the shorter of its two, |out| <= pi; q need not be of unit
+    norm."""
     n = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     if n < 1e-9 * abs(q[0]):
         scale = 2.0 / q[0]
@@ -132,7 +134,8 @@ def normalise(q: Array) -> Array:
 
 
 def exp(v: Array) -> Array:
-    """Unit quaternions (..., 4) of rotation vectors v (..., 3) [rad]. (A7): the angle there is half the rotation angle."""
+    """Unit quaternions (..., 4) of rotation vectors v (..., 3) [rad]. (A7): the angle there is half the rotation
+    angle."""
     v = np.asarray(v, dtype=float)
     half = 0.5 * np.sqrt(np.einsum("...i,...i", v, v))
     return np.concatenate([np.cos(half)[..., None], 0.5 * np.sinc(half / np.pi)[..., None] * v], axis=-1)
@@ -200,14 +203,17 @@ def continuous(q: Array) -> Array:
 
 
 def spline(t: Array, q: Array, at: Array) -> Array:
-    """Attitudes (m, 4) at times `at` by a cubic spline of each component of the sign-continuous series, then normalised.
+    """Attitudes (m, 4) at times `at` by a cubic spline of each component of the sign-continuous series, then
+    normalised.
 
     t : (n,) increasing; q : (n, 4), n >= 4; at : (m,) inside [t[0], t[-1]]. Twice continuously differentiable.
     Raises ValueError where an epoch lies outside: a spline does not extrapolate.
     """
     at = np.asarray(at, dtype=float)
     if len(at) and (at.min() < t[0] or at.max() > t[-1]):
-        raise ValueError(f"epochs {at.min():g} to {at.max():g} s reach beyond the attitudes at {t[0]:g} to {t[-1]:g} s.")
+        raise ValueError(
+            f"epochs {at.min():g} to {at.max():g} s reach beyond the attitudes at {t[0]:g} to {t[-1]:g} s."
+        )
     out = CubicSpline(t, continuous(q))(at)
     return out / np.sqrt(np.einsum("ki,ki->k", out, out))[:, None]
 

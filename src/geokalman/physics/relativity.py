@@ -1,4 +1,5 @@
-"""Relativity at the post-Newtonian level near the Earth: the Schwarzschild acceleration and the delay of light (Shapiro).
+"""Relativity at the post-Newtonian level near the Earth: the Schwarzschild acceleration and the delay of light
+(Shapiro).
 
 Source: IERS Conventions (2010), Technical Note 36, equations 10.12 (first term) and 11.17.
 """

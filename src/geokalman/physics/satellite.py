@@ -1,8 +1,8 @@
-"""Motion of an Earth satellite in the GCRS: geopotential in the true Earth-fixed frame, Sun, Moon, Venus and Jupiter, solar
-pressure with shadow, relativity; and the variational equations.
+"""Motion of an Earth satellite in the GCRS: geopotential in the true Earth-fixed frame, Sun, Moon, Venus and Jupiter,
+solar pressure with shadow, relativity; and the variational equations.
 
-Time t is uniform, in seconds since 0h UTC of a day. Positions of the bodies (6-point Lagrange) and the Earth's orientation
-(linear) are interpolated in tables; TDB is taken for TT.
+Time t is uniform, in seconds since 0h UTC of a day. Positions of the bodies (6-point Lagrange) and the Earth's
+orientation (linear) are interpolated in tables; TDB is taken for TT.
 Source: Montenbruck & Gill (2000), Satellite Orbits, chapter 3; radioastron-orbit (24)-(27).
 """
 
@@ -252,8 +252,8 @@ def satellite_force(t, y, params, acceleration):
 def gradient_step(t, r, params, out):
     """Gradient of the acceleration with respect to position, written to out (3, 3) [s^-2].
 
-    Geopotential to degree 2 and the disturbing bodies; those of the higher degrees, of sunlight and of relativity are below
-    1e-8 of it at the distances of interest.
+    Geopotential to degree 2 and the disturbing bodies; those of the higher degrees, of sunlight and of relativity are
+    below 1e-8 of it at the distances of interest.
     """
     R, G, fixed, s = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
     gcrs_from_itrs_step(t, params, R)
@@ -283,7 +283,8 @@ def gradient_step(t, r, params, out):
 
 @njit(cache=True)
 def runge_kutta_step(t, h, y, params, middle, out):
-    """One classical fourth-order step of the state y (6,) from t to t + h; the stage at t + h/2 is left in middle (3,)."""
+    """One classical fourth-order step of the state y (6,) from t to t + h; the stage at t + h/2 is left in middle
+    (3,)."""
     a = np.empty(3)
     k = np.zeros((4, 6))
     stage = np.empty(6)

@@ -24,7 +24,8 @@ _UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d+)?
 
 
 def mjd_of_date(year: int, month: int, day: int) -> int:
-    """Modified Julian date of 0h of a day of the Gregorian calendar; raises ValueError for a day that does not exist."""
+    """Modified Julian date of 0h of a day of the Gregorian calendar; raises ValueError for a day that does not
+    exist."""
     return datetime.date(year, month, day).toordinal() - 678576
 
 
@@ -54,7 +55,8 @@ def seconds_of_day(mjd: int) -> int:
 def parse_utc(text: str) -> tuple[int, float]:
     """(modified Julian date of the day, seconds since its 0h) of an epoch as `2013-05-07 13:15:22`, with T or blank.
 
-    Second 60 is taken where a leap second stands. Raises ValueError for another form, a date or a time that does not exist.
+    Second 60 is taken where a leap second stands. Raises ValueError for another form, a date or a time that does not
+    exist.
     """
     match = _UTC.fullmatch(text.strip())
     if match is None:
@@ -75,7 +77,8 @@ def parse_utc(text: str) -> tuple[int, float]:
 
 
 def iso_utc(mjd: int, seconds: float) -> str:
-    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd` without further leap seconds."""
+    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd` without further leap
+    seconds."""
     date = datetime.date.fromordinal(mjd + 678576 + int(seconds // 86400))
     minutes, second = divmod(seconds % 86400, 60)
     return f"{date.isoformat()} {int(minutes // 60):02d}:{int(minutes % 60):02d}:{second:05.2f}"

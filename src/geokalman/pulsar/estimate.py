@@ -12,8 +12,15 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.adaptive import (
-    inflate_step, innovation_step, norm_ratio, predicted_residual, ratio_factor, state_discrepancy, three_part,
-    trace_factor, two_part,
+    inflate_step,
+    innovation_step,
+    norm_ratio,
+    predicted_residual,
+    ratio_factor,
+    state_discrepancy,
+    three_part,
+    trace_factor,
+    two_part,
 )  # fmt: skip
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
 from geokalman.kalman.linear import predict_step, update_step

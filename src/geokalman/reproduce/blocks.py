@@ -88,7 +88,8 @@ def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text on one line (its no-break spaces kept) whose markup characters are harmless in a cell of a Markdown table."""
+    """Text on one line (its no-break spaces kept) whose markup characters are harmless in a cell of a Markdown
+    table."""
     return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"[ \t\r\n]+", " ", text))
 
 

@@ -115,9 +115,7 @@ def _largest(values: np.ndarray) -> float:
     return float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
 
 
-def _map(
-    axis: Axes, at: Columns, places: Sequence[str], values: np.ndarray, largest: float, label: str
-) -> None:
+def _map(axis: Axes, at: Columns, places: Sequence[str], values: np.ndarray, largest: float, label: str) -> None:
     """Values on a complete grid as cells, else as points; the colour scale is symmetric about zero."""
     from geokalman import style
 

@@ -218,7 +218,8 @@ class Notebook:
         return claims.decided_by(self._root, self.name)
 
     def printed(self, claim: str) -> float:
-        """The number that the paper prints, as we read it, from its ledger. Raises Fault for an unknown claim or one without a number."""
+        """The number that the paper prints, as we read it, from its ledger. Raises Fault for an unknown claim or one
+        without a number."""
         from geokalman.reproduce import claims
 
         for entry in claims.ledger(self._root, self.name.partition("/")[0]):
