@@ -721,18 +721,20 @@ def test_fuzzed_fields_never_crash_nor_lie(tmp_path, product, data):
             *body[row + 1 :],
         ],
     )
+    first = k + row + 1  # a line break within the text makes two lines of one
+    where = rf"line ({'|'.join(str(first + n) for n in range(text.count(chr(10)) + 1))})\b"
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always", Level1Warning)
         try:
             table = read(path)
         except Level1Error as error:
-            assert path.name in str(error) and re.search(rf"line {k + row + 1}\b", str(error))
+            assert path.name in str(error) and re.search(where, str(error))
             return
     said = " ".join(str(w.message) for w in seen)
     sane(table)
     assert 118 <= len(table) <= 121
     if len(table) < 120:
-        assert path.name in said and (re.search(rf"line {k + row + 1}\b", said) or "duplicate time tag" in said)
+        assert path.name in said and (re.search(where, said) or "duplicate time tag" in said)
     column = GRACE_FO[product][position]
     if len(table) == 120 and column.kind in ("int", "float") and len(text.split()) == 1 and "quat" not in column.name:
         number = int(text) if column.kind == "int" else float(text)
