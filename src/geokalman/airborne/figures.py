@@ -259,7 +259,7 @@ def timings(rates: Sequence[float], per_epoch: Mapping[str, Sequence[float]]) ->
     axes.set(xlabel="rate of the filter [Hz]", ylabel="time per epoch [µs]", xscale="log", ylim=(0, None))
     axes.set_xticks(list(rates), [f"{r:g}" for r in rates])
     axes.minorticks_off()
-    axes.legend()
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
