@@ -238,11 +238,11 @@ def test_prose_of_a_page(toy):
     )
     from nbformat.v4 import new_markdown_cell, new_notebook
 
-    text = "## T\n\n:::{note}\nSee {eq}`a` and {cite:p}`k60`, {cite:t}`k60`, [there](/practice/rerun.md).\n:::\n\n"
+    text = "## T\n\n:::{note}\nSee {eq}`a` and {cite:p}`k60`, {cite:t}`k60`, [there](/practice/rerun.md), {doc}`01-line`, {doc}`/toy/02-constant.md`, {doc}`a <../b/c>`.\n:::\n\n"
     text += "```{math}\n:label: a\n\nx = 1\n```\n"
     found = page.render(notebooks.tidy(new_notebook(cells=[new_markdown_cell(text)]), "toy/x"), toy, "toy/x")
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
-    assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there." in plain and "\\tag{1}" in plain and ":::" not in plain
+    assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there, A straight line, A constant, a." in plain and "\\tag{1}" in plain and ":::" not in plain
     assert "<h2>T</h2>" in found
 
 

@@ -340,19 +340,13 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
     rows = []
     for paper in papers(root):
         counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper))
-        link = [f"[{paper_title(root, paper)}]({prefix}{paper}/index.md)", str(sum(counts.values()))]
+        title = contents.title(root, f"{paper}/index")
+        link = [f"[{title}]({prefix}{paper}/index.md)", str(sum(counts.values()))]
         rows.append(link + [str(counts[v]) for v in VERDICTS] + [str(counts["not computed"] or "")])
     header = ["Paper", "Claims", *(v.replace("-", " ") for v in VERDICTS), "not computed"]
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
     return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
-
-
-def paper_title(root: Path, paper: str) -> str:
-    """First heading of the paper's page, or its name."""
-    page = root / "book" / paper / "index.md"
-    heading = re.search(r"^# +(.+)$", page.read_text(encoding="utf-8"), re.M) if page.is_file() else None
-    return heading[1].strip() if heading else paper
 
 
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:

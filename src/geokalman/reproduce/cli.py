@@ -42,12 +42,12 @@ def _options(
 @app.command("list")
 def list_() -> None:
     """The notebooks of the book."""
-    from geokalman.reproduce import notebooks
+    from geokalman.reproduce import contents, notebooks
 
     root = _root()
     names = notebooks.names(root)
     for name in names:
-        print(f"{name:<{max(map(len, names))}}  {notebooks.title(root, name)}")
+        print(f"{name:<{max(map(len, names))}}  {contents.title(root, name)}")
 
 
 @app.command()
@@ -117,7 +117,7 @@ def claims(
     readme: Annotated[bool, typer.Option("--readme", help="Write the summary into README.md.")] = False,
 ) -> None:
     """The ledger: what each paper prints, our number, and the verdict."""
-    from geokalman.reproduce import atomic, claims
+    from geokalman.reproduce import atomic, claims, contents
 
     root = _root()
     if readme:
@@ -129,7 +129,7 @@ def claims(
     width = min(_console().width, _WIDE)
     for name in wanted:
         judgements = claims.judge_paper(root, name)
-        print(f"{claims.paper_title(root, name)}\n")
+        print(f"{contents.title(root, name + '/index')}\n")
         for judgement in judgements:
             says, printed, ours, verdict, why = claims.row(judgement)
             if not judgement.as_expected:

@@ -1,7 +1,8 @@
-"""The table of contents, `book/_toc.yml`: which pages the book has, in the order of reading."""
+"""The table of contents, `book/_toc.yml`: which pages the book has, in the order of reading, and their titles."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,3 +34,10 @@ def order(root: Path) -> Callable[[str], tuple[int, str]]:
         place[page] = k
         place.setdefault(page.partition("/")[0], k)
     return lambda name: (place.get(name, len(place)), name)
+
+
+def title(root: Path, page: str) -> str:
+    """First heading of a page (no suffix), or its name where there is none."""
+    source = root / "book" / f"{page}.md"
+    heading = re.search(r"^# +(.+)$", source.read_text(encoding="utf-8"), re.M) if source.is_file() else None
+    return heading[1].strip() if heading else page.removesuffix("/index")

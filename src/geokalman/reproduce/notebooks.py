@@ -41,12 +41,6 @@ def source_path(root: Path, name: str) -> Path:
     raise Misuse(f"{name!r} is no notebook of the book in {root}; {hint}")
 
 
-def title(root: Path, name: str) -> str:
-    """First heading of a notebook, or its name where it has none."""
-    heading = re.search(r"^# +(.+)$", source_path(root, name).read_text(encoding="utf-8"), re.M)
-    return heading[1].strip() if heading else name
-
-
 def read(root: Path, name: str) -> NotebookNode:
     """The notebook as nbformat node, with deterministic cell ids; raises Fault where the file cannot be read as one."""
     import jupytext

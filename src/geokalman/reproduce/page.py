@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import html
 import io
+import posixpath
 import re
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from geokalman.reproduce import contents
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ def render(notebook: NotebookNode, root: Path, name: str) -> str:
     from nbconvert import HTMLExporter
     from pygments.formatters import HtmlFormatter
 
-    prose = _Prose(notebook, root)
+    prose = _Prose(notebook, root, name)
     exporter = HTMLExporter(template_name="basic", filters={"markdown2html": prose.html})
     body, _ = exporter.from_notebook_node(prose.numbered(notebook))
     heading = re.search(r"^# +(.+)$", "\n".join(c.source for c in notebook.cells if c.cell_type == "markdown"), re.M)
@@ -73,8 +75,8 @@ def _mathjax() -> str:
 class _Prose:
     """The words of one notebook: MyST to HTML, with numbers for its figures, tables and equations."""
 
-    def __init__(self, notebook: NotebookNode, root: Path) -> None:
-        self.root = root
+    def __init__(self, notebook: NotebookNode, root: Path, name: str) -> None:
+        self.root, self.paper = root, name.partition("/")[0]
         self.labels: dict[str, str] = {}
         self.has_math = False
         counts = {"Figure": 0, "Table": 0, "Eq.": 0}
@@ -148,6 +150,9 @@ class _Prose:
             if role == "cite:t":
                 return "; ".join(f"{a} ({y})" for a, y in authors)
             return f"({'; '.join(f'{a} {y}' for a, y in authors)})"
+        if role == "doc" and not shown:
+            inside = posixpath.normpath(posixpath.join("/", self.paper, target)).removesuffix(".md")
+            return contents.title(self.root, inside.lstrip("/"))
         return shown or target
 
 
