@@ -72,7 +72,7 @@ def test_a_comparison_shows_both_sides():
     claim = make(
         metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}
     )
-    assert claims.judge(claim, metrics(2.0)).ours == "x 2.000 not < 0.1 × y 10.00 m"
+    assert claims.judge(claim, metrics(2.0)).ours == "2.000 m (x) not < 0.1 × 10.00 m (y)"
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_claims(built, geokalman):
     assert done.stdout.splitlines() == [
         "The toy paper", "",
         "mean: reproduced", "    Table 1: the mean of the line", "    printed 49\u00a0m; ours 49.00\u00a0m", "    accepted ±0.1 %",
-        "steeper: reproduced", "    text: the line ends above the", "    constant", "    ours line.mean 49.00 > 10 × quotient", "    3.000 m",
+        "steeper: reproduced", "    text: the line ends above the", "    constant", "    ours 49.00 m (line mean) > 10 ×", "    3.000 m (quotient)",
     ]  # fmt: skip
     told = json.loads(geokalman(built, "claims", "toy", "--json").stdout)
     assert [(c["id"], c["verdict"], c["expected"]) for c in told] == [

@@ -207,7 +207,7 @@ SPOILT = [
     ("tests/reference/toy/anchors.yml", lambda t: t.replace("01-line", "09-gone"),
      "names toy/09-gone, which is no notebook"),
     ("book/toy/claims.yml", lambda t: t.replace("factor: 10", "factor: 1e3"),
-     "claim steeper: not-reproduced (; ours line.mean 49.00 not > 1000 × quotient 3.000 m), expected reproduced."),
+     "claim steeper: not-reproduced (; ours 49.00 m (line mean) not > 1000 × 3.000 m (quotient)), expected reproduced."),
     ("book/toy/claims.yml", lambda t: t.replace("verdict: reproduced", "verdict: not-reproduced", 1),
      "claim mean: reproduced (accepted ±0.1 %; ours 49.0), expected not-reproduced."),
     ("README.md", lambda t: t.replace("| 2 | 2 |", "| 2 | 1 |"),

@@ -82,7 +82,7 @@ def ground_track(longitude: Array, latitude: Array, stations: Mapping[str, tuple
     axes.set_yticks(range(-90, 91, 30), crs=plain)
     axes.set_facecolor(paper())
     axes.spines["geo"].set_edgecolor(ink())
-    axes.legend(loc="lower left")
+    figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 

@@ -242,10 +242,10 @@ def _compare(
         holds = _OPERATORS[c.op](left, c.factor * right)
         factor = f"{c.factor:g} × " if c.factor != 1 else ""
         names = _told_apart(c.left, c.right) if isinstance(c.right, str) else (_short(c.left), "")
-        pairs = zip(names, (left, right), strict=True)
-        sides = [f"{name.replace('_', ' ')} {display.number(value)}".strip() for name, value in pairs]
         op, unit = c.op if holds else f"not {c.op}", display.unit_text(units[c.left])
-        texts.append(f"{sides[0]} {op} {factor}{sides[1]} {unit}".rstrip())
+        sides = [f"{display.number(value)} {unit}".rstrip() for value in (left, right)]
+        told = [f" ({re.sub(r'[._]', ' ', name)})" if name else "" for name in names]
+        texts.append(f"{sides[0]}{told[0]} {op} {factor}{sides[1]}{told[1]}")
         all_hold &= holds
     return "; ".join(texts), all_hold
 

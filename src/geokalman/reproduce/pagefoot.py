@@ -24,7 +24,7 @@ def foot(root: Path, page: str, run: Path, files: Path) -> str:
     lines = [
         "## Rerun this page",
         "",
-        f"From a clone of the project ([how](/practice/rerun.md)), with any of {_these(len(shown))} changed:",
+        f"From a clone of the project ([how](/practice/rerun.md)), with {_these(len(shown))} changed:",
         "",
         "```bash",
         f"geokalman run {page} {_example(shown)}".rstrip(),
@@ -47,7 +47,7 @@ def foot(root: Path, page: str, run: Path, files: Path) -> str:
 
 
 def _these(count: int) -> str:
-    return "the parameters below" if count > 1 else "its one parameter"
+    return "any of the parameters below" if count > 1 else "its one parameter"
 
 
 def _example(shown: list[parameters.Parameter]) -> str:
