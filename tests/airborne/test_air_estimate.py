@@ -65,15 +65,17 @@ def test_a_state_that_is_not_there_is_refused(flown):
         estimate(flown[1], Tuning()).smoothed.state("colour")
 
 
-def test_backward_starts(flown):
-    line, tuning = flown[1], Tuning.preset("paper_like")
+def test_backward_starts():
+    """On a whole line: the literal start pins the height to zero, and z drifts too little on a short one."""
+    truth, line = simulate.survey_of_seed(simulate.Scenario(n_lines=1), 1)[0]
+    tuning = Tuning.preset("paper_like")
     rts = estimate(line, tuning).smoothed
     run = {start: backward.forward_backward(line, tuning, start) for start in backward.STARTS}
     for start in ("forward", "forward-certain"):
         assert np.abs(run[start].gravity - rts.gravity).max() < 1e-6
-    assert np.abs(run["wide"].gravity - rts.gravity).max() < 0.01
-    assert 1e-4 < np.abs(run["prior"].gravity - rts.gravity).max() < 2.0
-    assert np.abs(run["literal"].gravity - rts.gravity).max() > 5.0
+    assert np.abs(run["wide"].gravity - rts.gravity).max() < 0.003
+    assert 1e-4 < np.abs(run["prior"].gravity - rts.gravity).max() < 0.6
+    assert (run["literal"].gravity - truth.gravity)[truth.proper].std() > 10.0
     assert run["literal"].gravity[-1] == pytest.approx(0.0, abs=1e-9)
     ratio = run["forward-certain"].sigma() / rts.sigma()
     assert ratio[-1] < 1e-6 and ratio[len(ratio) // 2] == pytest.approx(0.54, abs=0.03)

@@ -2,6 +2,7 @@
 
 import gzip
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,7 +86,8 @@ def test_eastern_victoria_and_its_aliasing():
     assert np.all([abs(f.line.z).max() < 1e12 for f in eastvic.flights])
 
 
-def test_kauring_is_not_aliased(six):
+def test_kauring_is_not_aliased(kauring, six):
+    assert kauring.aliased == ()
     assert min(checks.height_correlation(f.line.f3, f.height) for f in six) > 0.95
 
 
@@ -401,7 +403,14 @@ def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
     slow = 4.0e4 * np.sin(0.7 * np.arange(888))  # a motion that the height does not have
     table["FZ"], table["GRVRAW"] = table["FZ"] + slow, table["GRVRAW"] + slow
     with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines .104000. the specific force .* aliased"):
-        survey(table, KAURING)
+        found = survey(table, KAURING)
+    assert found.aliased == ("104000",)
+    plain, trusted = Tuning.preset("kauring"), Tuning.preset("kauring", R_m=0.15)
+    loose, stiff = trial.real(found.flights, plain, aliased=found.aliased), trial.real(found.flights, trusted)
+    np.testing.assert_array_equal(loose.series("fb")[0], stiff.series("fb")[0])
+    assert np.abs(loose.series("fb")[0] - trial.real(found.flights, plain).series("fb")[0]).max() > 1.0
+    stiff = [trial.real(found.flights, replace(plain, R_m=0.3), aliased=names) for names in ((), found.aliased)]
+    np.testing.assert_array_equal(stiff[0].series("fb")[0], stiff[1].series("fb")[0])  # what is larger stays
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,8 @@ def test_decimating_before_integrating_destroys_everything():
     run = trial.simulated(
         simulate.Scenario(n_lines=1, length_km=20.0, integrate_at=2.0), Tuning.preset("paper_like"), 0
     )[0]
-    assert run.against_truth("fb") > 100.0
+    # The prototype had 1.2e4 mGal with its own motion; how much is aliasing and how much quadrature is not separated.
+    assert run.against_truth("fb") > 500.0
 
 
 def test_levelling_removes_the_level_of_lines():

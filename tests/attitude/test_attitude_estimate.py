@@ -40,12 +40,13 @@ def test_akf7_equals_mekf(hours, solved):
 
 
 def test_consistency(hours, solved):
+    """E6; two hours meet the tolerances of six."""
     for s in "CD":
         statistics = assess.statistics(solved[s], hours.true_attitude(s))
         for name in ("akf7", "mekf"):
-            assert statistics[f"nis3.{name}"] == pytest.approx(1.0, abs=0.04)
-            assert statistics[f"nees3.{name}"] == pytest.approx(1.0, abs=0.35)
-        assert statistics["nees3.jpl_like"] == pytest.approx(0.56, abs=0.1)
+            assert statistics[f"nis3.{name}"] == pytest.approx(1.0, abs=0.025)
+            assert statistics[f"nees3.{name}"] == pytest.approx(1.0, abs=0.2)
+        assert statistics["nees3.jpl_like"] == pytest.approx(0.56, abs=0.06)
         assert "nis3.rts" not in statistics
 
 
@@ -182,7 +183,7 @@ def test_gaps(hours, solved, tuning, gap_s, sigma):
     assert one.sigma["mekf"][one.last].mean() == pytest.approx(sigma, rel=0.1)
     assert np.abs(one.error["mekf"][one.last]).max() < 5 * sigma
     if gap_s == 600.0:
-        assert np.abs(one.error["rts"][one.first : one.last]).max() < 1.2e-5
+        assert 3e-6 < np.abs(one.error["rts"][one.first : one.last]).max() < 7e-6
     with pytest.raises(ValueError, match="does not lie inside"):
         trials.gap(hours, "C", solved["C"], tuning, 9000.0, 60.0)
 
@@ -190,13 +191,13 @@ def test_gaps(hours, solved, tuning, gap_s, sigma):
 def test_the_gate_finds_outliers(hours, solved, tuning):
     out = trials.outliers(hours, "C", solved["C"], tuning, 20, 5e-3, 27.9, np.random.default_rng(1))
     assert out.found == 20 and out.false_alarms <= 1
-    assert out.gated.mean() < 2.4e-6 and out.ungated.mean() > 8e-6
+    assert 1.6e-6 < out.gated.mean() < 2.1e-6 and out.ungated.mean() > 8e-6
 
 
 @pytest.mark.parametrize("degrees", [60.0, 170.0])
 def test_wrong_starts_are_forgotten_in_ten_seconds(hours, solved, tuning, degrees):
     error = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(degrees), np.random.default_rng(3))
-    assert error[10:].max() < 3e-5
+    assert error[10:].max() < 2e-5
 
 
 def test_sampling_rates_instead_of_summing_is_worse(hours, solved, tuning):
@@ -209,7 +210,7 @@ def test_sampling_rates_instead_of_summing_is_worse(hours, solved, tuning):
 
     five = trials.five_point(inc)
     for d in (trials.decimated(inc), trials.decimated(five)):
-        assert 1.4 < over_summed(d) < 2.7
+        assert 1.7 < over_summed(d) < 2.3  # section 9: 1.7 to 2.2, five-point rates 2.3 (ours stay below the others)
     assert over_summed(gyro.preintegrate(five, 1).d) == pytest.approx(
         1.0, abs=0.02
     )  # section 9: no difference in accuracy
@@ -235,7 +236,7 @@ def test_updates_at_2_hz(hours, tuning, solved):
         assess.rms(assess.error(fast.solutions["mekf"].q, truth)[keep]).mean()
         / rms(solved["C"], hours, "mekf", "C").mean()
     )
-    assert gain == pytest.approx(0.84, abs=0.08)
+    assert gain == pytest.approx(0.84, abs=0.04)  # section 9; the tolerance is that of the page
 
 
 def test_a_faulty_axis_is_found_and_left_out(hours, tuning):

@@ -60,11 +60,12 @@ def test_anchors_of_the_specification(run, name):
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
 def test_stored_reference(run, name):
-    if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
-        pytest.skip(f"no reference of {name} at the quick scale is stored yet; make one with: make reference")
+    mode = reference.read_run(run(name))[0]["mode"]
+    stored = reference.path_of(ROOT, f"{PAPER}/{name}", mode)
+    assert stored.is_file(), f"{stored.name} is missing; make it with: make reference"
     problems = [
         f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, run(name), "quick")
+        for d in reference.differences(ROOT, run(name), mode)
         if d.problem
     ]
     assert not problems, "\n".join(problems)

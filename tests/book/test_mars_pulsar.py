@@ -53,13 +53,8 @@ def test_anchors_of_the_specification(run, name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_stored_reference(run, name):
-    if not reference.path_of(ROOT, f"{PAPER}/{name}", "quick").is_file():
-        pytest.skip(f"no reference of {name} at the quick scale is stored yet; make one with: make reference")
-    problems = [
-        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, run(name), "quick")
-        if d.problem
-    ]
+    found = reference.differences(ROOT, run(name))
+    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in found if d.problem]
     assert not problems, "\n".join(problems)
 
 
@@ -119,6 +114,14 @@ def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
     metrics = reference.read_run(folder)[1]
     assert ("table3.ekf_tuned.rms.x" in metrics) == (preset == "C")
     assert metrics["table3.ukf.rms.3d"]["value"] > 0
+
+
+def test_a_filter_that_diverges_is_recorded(tmp_path):
+    given = {
+        "preset": "B", "substeps": 1, "allow_coarse_substeps": True, "n_seeds": 1, "filters": ["ekf", "aekf1_pr3"],
+    }  # fmt: skip
+    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / "coarse", page=False, threads=1)
+    assert reference.read_run(folder)[1]["table3.ekf.diverged"]["value"] == 1
 
 
 def test_a_skipped_adaptation_is_told(tmp_path):

@@ -185,12 +185,13 @@ def test_biases_are_those_that_were_asked_for(st, kind):
 
 
 @compiled
-def test_monte_carlo_is_centred_on_the_large_sample(st):
-    """60 runs of the true filter against 4000 linear draws of the same: rms within three standard errors of the
-    smaller sample.
+@pytest.mark.parametrize(("name", "n_seeds"), [("ST", 60), ("OE", 40), ("BB", 40), ("BC", 40)])
+def test_monte_carlo_is_centred_on_the_large_sample(name, n_seeds):
+    """As many runs of the true filter as the specification has against 4000 linear draws of the same: rms within three
+    standard errors of the smaller sample.
     """
-    session = st[0]
-    runs = study.standard(session, Levels(), 1000, 60)
+    session = find_session(name)
+    runs = study.standard(session, Levels(), 1000, n_seeds)
     for how, weights in (("ekf", INFLATED), ("naive", NAIVE)):
         prior, post = study.large_sample(session, Levels(), weights)
         for ours, many in ((runs["prior"], prior), (runs[how], post)):
@@ -226,7 +227,7 @@ def test_large_sample_values(name, weights, bias, stations, delay, rate, shares)
         (prior.rate, rate[0]),
         (post.rate, rate[1]),
     ):
-        assert assess.rms(ours) == pytest.approx(theirs, rel=0.055)
+        assert assess.rms(ours) == pytest.approx(theirs, rel=0.05)
     if shares is not None:
         delay_gain, rate_gain = assess.gain(prior.delay, post.delay), assess.gain(prior.rate, post.rate)
         assert (delay_gain.better, rate_gain.better, rate_gain.tenfold) == pytest.approx(shares, abs=0.035)

@@ -118,12 +118,14 @@ class Survey:
     """All usable lines of a file in its order.
 
     refused : one sentence for each piece that was refused; notes : one for everything else that was repaired or looks
-    wrong (lines that were cut, coordinates put right, aliasing).
+    wrong (lines that were cut, coordinates put right, aliasing); aliased : names of the lines whose specific force is
+    probably aliased, for a larger R.
     """
 
     flights: tuple[Flight, ...]
     refused: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    aliased: tuple[str, ...] = ()
 
     def __getitem__(self, name: str | int | float) -> Flight:
         """One whole line by its number, or a piece by its name. Raises UnknownLine with the lines there are."""
@@ -256,7 +258,7 @@ def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
         )
     if notes:
         warnings.warn("; ".join(notes) + ".", checks.SuspiciousData, stacklevel=2)
-    return Survey(tuple(flights), tuple(refused), tuple(notes))
+    return Survey(tuple(flights), tuple(refused), tuple(notes), tuple(aliased))
 
 
 def _clean(

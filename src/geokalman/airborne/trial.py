@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,11 @@ from geokalman.airborne.read import Flight
 from geokalman.kalman.consistency import monte_carlo
 
 HAND_TUNED = tuple(str(100100 + 600 * j) for j in range(19)), ("102600", "104200", "106100", "107200", "109800")
-"""Kauring lines on which the preset `kauring` was compared by hand: the regular nineteen, and five more, of which 106100 is one of the nineteen."""
+"""Kauring lines on which the preset `kauring` was compared by hand: the regular nineteen, and five more, of which
+106100 is one of the nineteen."""
+
+ALIASED_R = 0.15
+"""Least R [m] of a line whose specific force is aliased: that of the preset `eastvic`, whose passes all are."""
 
 
 @dataclass(frozen=True)
@@ -158,12 +162,22 @@ def scatter(
 
 
 def real(
-    flights: Sequence[Flight], tuning: Tuning, lag: float = 0.0, trim_s: float = 60.0, smoother: Smoother = "rts"
+    flights: Sequence[Flight],
+    tuning: Tuning,
+    lag: float = 0.0,
+    trim_s: float = 60.0,
+    smoother: Smoother = "rts",
+    aliased: Collection[str] = (),
 ) -> Judged:
     """Estimate real lines, z corrected by a second-order lag [s^2] where given, and cut `trim_s` off either end to
     judge.
+
+    aliased : names of lines that are estimated with an R of at least ALIASED_R (see `Survey.aliased`).
     """
-    estimates = tuple(estimate(flight.line.lagged(lag), tuning, smoother) for flight in flights)
+    loose = replace(tuning, R_m=max(tuning.R_m, ALIASED_R))
+    estimates = tuple(
+        estimate(flight.line.lagged(lag), loose if flight.name in aliased else tuning, smoother) for flight in flights
+    )
     return Judged(tuple(flights), estimates, tuple(assess.inner(flight.line.t, trim_s) for flight in flights))
 
 
