@@ -7,11 +7,11 @@ statsmodels are timed in the same run where they are installed. Nothing here ass
 from __future__ import annotations
 
 import os
-import time
 import warnings
 
 import numpy as np
 from numba import njit
+from stopwatch import smallest
 
 from geokalman.kalman.discretise import white_jerk
 from geokalman.kalman.gaussian import gaussian
@@ -82,13 +82,7 @@ def smoother_loop(xp, Pp, xf, Pf, Phi, Q, xs, Ps, mean_only):
 
 def best(function, epochs=EPOCHS, repeats=15):
     """Smallest time of `repeats` calls after a first one, in microseconds per epoch."""
-    function()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - start)
-    return min(times) / epochs * 1e6
+    return 1e6 * smallest(function, repeats) / epochs
 
 
 def motion():

@@ -6,10 +6,14 @@ import importlib.util
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
+
+from geokalman.files import project_root
+from geokalman.reproduce import execute, reference
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)
@@ -61,3 +65,35 @@ def browser(chromium: str) -> Iterator:
         started = playwright.chromium.launch(executable_path=chromium, args=quiet)
         yield started
         started.close()
+
+
+@pytest.fixture(scope="session")
+def run_notebook(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """The run folder of a notebook of the book, executed on first use, once for all workers of xdist.
+
+    Called with (paper, name, label="quick", quick=True, **parameters); a label names one choice of parameters.
+    """
+    root = project_root(Path(__file__).parent)
+    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
+
+    def executed(paper: str, name: str, label: str = "quick", quick: bool = True, **given) -> Path:
+        folder = (base.parent if several else base) / paper
+        folder.mkdir(exist_ok=True)
+        out = folder / f"{name}-{label}"
+        with FileLock(folder / f"{name}-{label}.lock"):
+            if not (out / "provenance.json").is_file():
+                execute.run(root, f"{paper}/{name}", given, out=out, quick=quick, page=False, threads=1)
+        return out
+
+    return executed
+
+
+@pytest.fixture(scope="session")
+def assert_held() -> Callable[[Iterable[reference.Difference]], None]:
+    """Fails with every number of a run that is not what is stored or wanted."""
+
+    def check(found: Iterable[reference.Difference]) -> None:
+        problems = [f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in found if d.problem]
+        assert not problems, "\n".join(problems)
+
+    return check

@@ -4,14 +4,13 @@ ledger.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
-from filelock import FileLock
 
 from geokalman.airborne import checks, corrections, read, tables, trial
 from geokalman.airborne.model import Tuning
@@ -30,20 +29,9 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands 
 
 
 @pytest.fixture(scope="session")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The quick run folder of a notebook; executed on first use, once for all workers of xdist."""
-    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
-    folder = (base.parent if several else base) / PAPER
-    folder.mkdir(exist_ok=True)
-
-    def executed(name: str) -> Path:
-        out = folder / name
-        with FileLock(folder / f"{name}.lock"):
-            if not (out / "provenance.json").is_file():
-                execute.run(ROOT, f"{PAPER}/{name}", {}, out=out, quick=True, page=False, threads=1)
-        return out
-
-    return executed
+def run(run_notebook) -> Callable[..., Path]:
+    """The quick run folder of a notebook."""
+    return partial(run_notebook, PAPER)
 
 
 def test_there_are_thirteen_notebooks():
@@ -51,26 +39,18 @@ def test_there_are_thirteen_notebooks():
 
 
 @pytest.mark.parametrize("name", ANCHORED)
-def test_anchors_of_the_specification(run, name):
+def test_anchors_of_the_specification(run, assert_held, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook but the timing and the joint ones has a quick anchor"
     metrics = reference.read_run(run(name))[1]
-    problems = [
-        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_stored_reference(run, name):
+def test_stored_reference(run, assert_held, name):
     mode = reference.read_run(run(name))[0]["mode"]  # "paper" where the quick values are the paper's own
     assert reference.path_of(ROOT, f"{PAPER}/{name}", mode).is_file(), f"{name} has no reference: make reference"
-    problems = [
-        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, run(name), mode)
-        if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.differences(ROOT, run(name), mode))
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -5,13 +5,11 @@ Each test is one notebook at one scale, executed as `geokalman run` does; with x
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numba
 import pytest
-from filelock import FileLock
 
 from geokalman.files import project_root
 from geokalman.reproduce import execute, reference
@@ -29,49 +27,31 @@ def scales(*runs: tuple[str, tuple[str, ...]]) -> list:
 
 
 @pytest.fixture(scope="session")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
-    """The run folder of a notebook at a scale; executed on first use, once for all workers of xdist."""
-    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
-    folder = (base.parent if several else base) / PAPER
-    folder.mkdir(exist_ok=True)
+def run(run_notebook) -> Callable[[str, str], Path]:
+    """The run folder of a notebook at a scale."""
 
     def executed(scale: str, name: str) -> Path:
-        out = folder / f"{name}-{scale}"
-        with FileLock(folder / f"{name}-{scale}.lock"):
-            if not (out / "provenance.json").is_file():
-                given = {"days": 5.0} if scale == "mid" else {}
-                threads = 1 if several else os.cpu_count()
-                execute.run(
-                    ROOT, f"{PAPER}/{name}", given, out=out, quick=scale == "quick", page=False, threads=threads
-                )
-        return out
+        given = {"days": 5.0} if scale == "mid" else {}
+        return run_notebook(PAPER, name, scale, quick=scale == "quick", **given)
 
     return executed
 
 
 @pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK), ("mid", MID)))
-def test_anchors_of_the_specification(run, scale, name):
+def test_anchors_of_the_specification(run, assert_held, scale, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", scale)]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(scale, name))
-    problems = [
-        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))
-def test_stored_reference(run, scale, name):
+def test_stored_reference(run, assert_held, scale, name):
     stored = reference.path_of(ROOT, f"{PAPER}/{name}", scale)
     assert stored.is_file(), (
         f"{name} has no reference at {scale} scale; store one: make reference REASON=... (it needs make book)"
     )
-    problems = [
-        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, run(scale, name), scale)
-        if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.differences(ROOT, run(scale, name), scale))
 
 
 @pytest.mark.parametrize(("scale", "name"), scales(("quick", QUICK)))

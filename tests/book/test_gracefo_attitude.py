@@ -6,13 +6,12 @@ Each test is one notebook, executed as `geokalman run` does; with xdist they run
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numba
 import pytest
-from filelock import FileLock
 
 from geokalman.attitude import flight, write
 from geokalman.attitude.model import SATELLITES, Scenario
@@ -30,45 +29,25 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of fligh
 
 
 @pytest.fixture(scope="session")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The run folder of a notebook at its quick scale; executed on first use, once for all workers of xdist."""
-    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
-    folder = (base.parent if several else base) / PAPER
-    folder.mkdir(exist_ok=True)
-
-    def executed(name: str) -> Path:
-        out = folder / name
-        with FileLock(folder / f"{name}.lock"):
-            if not (out / "provenance.json").is_file():
-                threads = 1 if several else os.cpu_count()
-                execute.run(ROOT, f"{PAPER}/{name}", {}, out=out, quick=True, page=False, threads=threads)
-        return out
-
-    return executed
+def run(run_notebook) -> Callable[..., Path]:
+    """The run folder of a notebook at its quick scale."""
+    return partial(run_notebook, PAPER)
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_anchors_of_the_specification(run, name):
+def test_anchors_of_the_specification(run, assert_held, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(name))
-    problems = [
-        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_stored_reference(run, name):
+def test_stored_reference(run, assert_held, name):
     mode = reference.read_run(run(name))[0]["mode"]
     stored = reference.path_of(ROOT, f"{PAPER}/{name}", mode)
     assert stored.is_file(), f"{stored.name} is missing; make it with: make reference"
-    problems = [
-        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, run(name), mode)
-        if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.differences(ROOT, run(name), mode))
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

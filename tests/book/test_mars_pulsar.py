@@ -6,6 +6,7 @@ Each test is one notebook, executed as `geokalman run` does; with xdist they run
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -27,35 +28,22 @@ NAMES = [pytest.param(name, id=name, marks=pytest.mark.xdist_group(name)) for na
 
 
 @pytest.fixture(scope="session")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """The run folder of a notebook at the quick scale; executed on first use."""
-    folder = tmp_path_factory.mktemp(PAPER)
-    done: dict[str, Path] = {}
-
-    def executed(name: str) -> Path:
-        if name not in done:
-            done[name] = execute.run(ROOT, f"{PAPER}/{name}", {}, out=folder / name, quick=True, page=False, threads=1)
-        return done[name]
-
-    return executed
+def run(run_notebook) -> Callable[..., Path]:
+    """The run folder of a notebook at the quick scale."""
+    return partial(run_notebook, PAPER)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_anchors_of_the_specification(run, name):
+def test_anchors_of_the_specification(run, assert_held, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(name))
-    problems = [
-        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_stored_reference(run, name):
-    found = reference.differences(ROOT, run(name))
-    problems = [f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}" for d in found if d.problem]
-    assert not problems, "\n".join(problems)
+def test_stored_reference(run, assert_held, name):
+    assert_held(reference.differences(ROOT, run(name)))
 
 
 @pytest.mark.parametrize("name", NAMES)

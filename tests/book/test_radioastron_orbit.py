@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numba
 import pytest
-from filelock import FileLock
 
 from geokalman.files import project_root
 from geokalman.reproduce import execute, reference
@@ -26,47 +25,26 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of orbit
 
 
 @pytest.fixture(scope="session")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """The run folder of a notebook at quick scale, or with other parameters; executed on first use, once for all
-    workers.
-    """
-    base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
-    folder = (base.parent if several else base) / PAPER
-    folder.mkdir(exist_ok=True)
-
-    def executed(name: str, label: str = "quick", **given) -> Path:
-        out = folder / f"{name}-{label}"
-        with FileLock(folder / f"{name}-{label}.lock"):
-            if not (out / "provenance.json").is_file():
-                execute.run(ROOT, f"{PAPER}/{name}", given, out=out, quick=True, page=False, threads=1)
-        return out
-
-    return executed
+def run(run_notebook) -> Callable[..., Path]:
+    """The run folder of a notebook at quick scale, or with other parameters under a label."""
+    return partial(run_notebook, PAPER)
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_anchors_of_the_specification(run, name):
+def test_anchors_of_the_specification(run, assert_held, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
     assert wanted, "every notebook has an anchor"
     _, metrics, _ = reference.read_run(run(name))
-    problems = [
-        f"{d.key}: {d.ours}, wanted {d.stored}, {d.problem}" for d in reference.hold(wanted, metrics) if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_stored_reference(run, name):
+def test_stored_reference(run, assert_held, name):
     """The run says of which scale it is: one whose quick values are the defaults (01, 02, 03, 10) is the paper's."""
     folder = run(name)
     mode = reference.read_run(folder)[0]["mode"]
     assert reference.path_of(ROOT, f"{PAPER}/{name}", mode).is_file(), f"{name} has no reference at {mode} scale"
-    problems = [
-        f"{d.key}: {d.ours}, stored {d.stored}, {d.problem}"
-        for d in reference.differences(ROOT, folder, mode)
-        if d.problem
-    ]
-    assert not problems, "\n".join(problems)
+    assert_held(reference.differences(ROOT, folder, mode))
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

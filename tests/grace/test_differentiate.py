@@ -142,8 +142,7 @@ def test_spline_error_falls_with_its_degree():
     assert errors[7] / errors[3] == pytest.approx(7.0**-4, rel=0.3)
 
 
-# --- the specification's numbers
-# -----------------------------------------------------------------------------------------
+# --- the specification's numbers -------------------------------------------------------------------------------------
 
 
 def test_newton_row_at_degree_70(mid):
@@ -173,8 +172,7 @@ def test_degree_11_spline_is_190_times_better(mid):
     assert nine / spline == pytest.approx(190, rel=0.25)
 
 
-# --- what is refused
-# ------------------------------------------------------------------------------------------------------
+# --- what is refused -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("points", [8, 2, 1, 0])

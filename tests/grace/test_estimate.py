@@ -78,8 +78,7 @@ def assert_same(ours, theirs, P, rel):
     assert np.abs((ours - theirs) / sigma).max() < rel
 
 
-# --- against other filters
-# ------------------------------------------------------------------------------------------------
+# --- against other filters -------------------------------------------------------------------------------------------
 
 
 def test_position_filter_is_the_core_linear_filter(short):
@@ -175,8 +174,7 @@ def test_sequential_position_is_joint_position(short):
             np.testing.assert_array_equal(method(silent, Tuning(), update).smoothed.x, reference.smoothed.x)
 
 
-# --- gradient of the range-rate
-# -------------------------------------------------------------------------------------------
+# --- gradient of the range-rate --------------------------------------------------------------------------------------
 
 
 def test_gradient_of_the_range_rate_by_complex_step(tiny):
@@ -211,8 +209,7 @@ def test_rate_sigma_is_the_propagated_covariance(short):
         assert s == pytest.approx(np.sqrt(H @ filtered.P[k] @ H), rel=1e-12)
 
 
-# --- compiled and plain
-# ---------------------------------------------------------------------------------------------------
+# --- compiled and plain ----------------------------------------------------------------------------------------------
 
 _PLAIN = """
 import json, sys
@@ -259,8 +256,7 @@ def test_compiled_loops_are_the_plain_ones(short):
         np.testing.assert_allclose(ours.innovations, np.array(innovations), rtol=0, atol=1e-4)
 
 
-# --- gaps
-# -----------------------------------------------------------------------------------------------------------------
+# --- gaps ------------------------------------------------------------------------------------------------------------
 
 
 def test_gaps_leave_no_innovation_and_no_nan(short):
@@ -288,8 +284,7 @@ def test_position_filter_needs_no_range_rates(short):
     np.testing.assert_array_equal(estimate.ekf(silent, Tuning()).smoothed.x, estimate.ekf(short, Tuning()).smoothed.x)
 
 
-# --- what cannot be estimated
-# ---------------------------------------------------------------------------------------------
+# --- what cannot be estimated ----------------------------------------------------------------------------------------
 
 
 def test_a_singular_covariance_is_refused_with_its_epoch(tiny):
@@ -350,8 +345,7 @@ def test_one_epoch_is_enough_for_a_filter(tiny):
     np.testing.assert_array_equal(found.smoothed.P, found.filtered.P)
 
 
-# --- errata of section 5
-# --------------------------------------------------------------------------------------------------
+# --- errata of section 5 ---------------------------------------------------------------------------------------------
 
 
 def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
@@ -406,8 +400,7 @@ def test_erratum_52_order_of_the_state(short):
     assert np.abs(x.x[:, 6:] - short.baseline)[there].max() > 1e4
 
 
-# --- honesty under noise
-# --------------------------------------------------------------------------------------------------
+# --- honesty under noise ---------------------------------------------------------------------------------------------
 
 
 def white_jerk_truth(seed: int, n: int = 40):
@@ -463,8 +456,7 @@ def test_filters_on_a_wrong_noise_are_found_out():
     assert found.mean() > kalman.chi_square_bounds(dof, 0.999)[1]
 
 
-# --- smoother and spline
-# --------------------------------------------------------------------------------------------------
+# --- smoother and spline ---------------------------------------------------------------------------------------------
 
 
 def test_smoother_with_a_free_jerk_is_the_quintic_spline():
@@ -482,8 +474,7 @@ def test_smoother_with_a_free_jerk_is_the_quintic_spline():
     assert np.abs(ours - spline)[inside].max() < 0.02 * np.abs(spline - slope)[inside].max()
 
 
-# --- the specification's numbers
-# -------------------------------------------------------------------------------------------
+# --- the specification's numbers -------------------------------------------------------------------------------------
 
 
 def residual(rate, flight):

@@ -58,8 +58,7 @@ def circle(radius: float) -> np.ndarray:
     return radius * np.column_stack([np.cos(u), 0.3 * np.sin(u), np.sin(u)])
 
 
-# --- figures.py
-# ----------------------------------------------------------------------------------------------------------
+# --- figures.py ------------------------------------------------------------------------------------------------------
 
 
 def test_orbits_3d(theme):
@@ -248,8 +247,7 @@ def test_integrator_effect(theme):
     assert len(texts(axes.get_legend())) == 4
 
 
-# --- field_figures.py
-# ----------------------------------------------------------------------------------------------------
+# --- field_figures.py ------------------------------------------------------------------------------------------------
 
 
 def errors(names=IDS) -> dict[str, np.ndarray]:
@@ -416,8 +414,7 @@ def test_every_figure_function_is_tested():
     assert public == set(SMOKE)
 
 
-# --- smoke images
-# --------------------------------------------------------------------------------------------------------
+# --- smoke images ----------------------------------------------------------------------------------------------------
 
 SMOKE = {
     "orbits_3d": lambda: figures.orbits_3d(circle(6.834e6), circle(6.83e6)),

@@ -14,8 +14,7 @@ from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Observations, Scenario, Tuning, distance, kinematic, range_acceleration, range_rate
 from geokalman.grace.simulate import accelerations
 
-# --- range relations (44) to (47)
-# ----------------------------------------------------------------------------------------
+# --- range relations (44) to (47) ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -69,8 +68,7 @@ def test_range_relations_along_an_orbit(tiny):
     np.testing.assert_allclose(acceleration[inside], derivative(rate, orbit.dt)[inside], rtol=0, atol=1e-11)
 
 
-# --- errata of the range relations
-# -----------------------------------------------------------------------------------------
+# --- errata of the range relations -----------------------------------------------------------------------------------
 
 
 def test_erratum_46_bracket_is_not_divided_by_rho_again(states):
@@ -97,8 +95,7 @@ def test_erratum_53_range_rate_has_velocities(states):
     assert np.abs(printed - range_rate(dr, dv)).max() > 0.5 * np.abs(range_rate(dr, dv)).max()
 
 
-# --- kinematic model (50), (51)
-# --------------------------------------------------------------------------------------------
+# --- kinematic model (50), (51) --------------------------------------------------------------------------------------
 
 
 def test_transition_is_the_exponential_and_a_semigroup():
@@ -133,8 +130,7 @@ def test_erratum_50_misplaced_term():
     assert not np.allclose(printed(h) @ printed(h), printed(2 * h), rtol=1e-3)
 
 
-# --- scenario
-# --------------------------------------------------------------------------------------------------------------
+# --- scenario --------------------------------------------------------------------------------------------------------
 
 
 def test_defaults_are_config_book():
@@ -229,8 +225,7 @@ def test_a_field_that_is_not_there():
         Scenario(field="nowhere.gfc")
 
 
-# --- tuning
-# ----------------------------------------------------------------------------------------------------------------
+# --- tuning ----------------------------------------------------------------------------------------------------------
 
 
 def test_tuning_in_numbers():
@@ -288,8 +283,7 @@ def test_sigmas_of_the_filter_must_be_positive(given):
         Tuning.from_parameters(given, 30.0)
 
 
-# --- observations
-# ----------------------------------------------------------------------------------------------------------
+# --- observations ----------------------------------------------------------------------------------------------------
 
 
 def series(n=20, **changes):

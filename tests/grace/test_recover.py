@@ -36,8 +36,7 @@ def lines_of_sight(flight, every):
     return r_A, r_B, (r_A - r_B) / distance(r_A - r_B)[:, None]
 
 
-# --- rows of the design matrix
-# --------------------------------------------------------------------------------------------
+# --- rows of the design matrix ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("n_max", [2, 30, 70])
@@ -104,8 +103,7 @@ def test_erratum_49_the_northern_row_needs_the_derivative_of_P(tiny):
     assert np.abs(printed - ours).max() > 0.1 * np.abs(ours).max()
 
 
-# --- recovery
-# ------------------------------------------------------------------------------------------------------------
+# --- recovery --------------------------------------------------------------------------------------------------------
 
 
 def test_recovery_from_exact_data_at_degree_4(day, exact):
@@ -200,8 +198,7 @@ def test_a_lower_degree_can_be_recovered(day):
     np.testing.assert_allclose(recovery.coefficients("X"), (low.C, low.S), rtol=0, atol=1e-14)
 
 
-# --- what is refused
-# ------------------------------------------------------------------------------------------------------
+# --- what is refused -------------------------------------------------------------------------------------------------
 
 
 def test_fewer_epochs_than_unknowns(day, exact):
