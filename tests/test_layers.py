@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "geokalman"
 APPLICATIONS = {"grace", "attitude", "airborne", "radioastron", "pulsar"}
-GROUND = {"constants", "files", "style", "sources"}
+GROUND = {"constants", "files", "reading", "style", "sources"}
 MODELS = {"physics", "leastsquares", "kalman"}
 ALLOWED = {
     **{application: {application} | MODELS | GROUND for application in APPLICATIONS},
@@ -22,6 +22,7 @@ ALLOWED = {
     "kalman": {"kalman"},
     "constants": set(),
     "files": {"constants"},
+    "reading": set(),
     "style": set(),
     "sources": set(),
     "": {"sources"},  # the package itself
@@ -31,6 +32,7 @@ OUTSIDE = {
     "style": {"matplotlib"},
     "sources": set(),
     "files": set(),
+    "reading": set(),
     "constants": set(),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
