@@ -148,9 +148,10 @@ def read_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputErro
 
 
 def lines(
-    path: str | os.PathLike, what: str = "file", kind: type[InputError] = InputError
+    path: str | os.PathLike, what: str = "file", kind: type[InputError] = InputError, keep_ends: bool = False
 ) -> Iterator[tuple[Place, str]]:
-    """Lines of a text file (without their ends) with their places.
+    """Lines of a text file with their places, without their ends unless `keep_ends` (then each ends in "\\n", but the
+    last one of a file that was cut).
 
     Raises as `open_bytes`, and InputError for damage, for bytes that are no text, and for a line beyond `MAX_LINE`.
     """
@@ -169,7 +170,7 @@ def lines(
                     raise place.error(f"the line is longer than {MAX_LINE} characters; this is no text {what}.")
                 if "\0" in line:
                     raise place.error(f"a zero byte stands there; this is no text {what}.")
-                yield place, _decoded(line).rstrip("\n")
+                yield place, _decoded(line) if keep_ends else _decoded(line).rstrip("\n")
         except InputError:
             raise
         except _DAMAGED as error:
