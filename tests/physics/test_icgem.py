@@ -287,7 +287,7 @@ def test_a_name_of_several_words_and_a_factor_behind_the_errors(tmp_path):
 
 
 def test_prose_before_a_header_without_its_begin(tmp_path):
-    prose = "errors of the coefficients are calibrated\nradius of 6378 km\nformat description: www\nnorm is\nerrors\n"
+    prose = "errors of the coefficients are calibrated\nradius of 6378 km\nformat description: www\nnorm is the usual\nerrors\n"
     assert read_gfc(gfc(tmp_path, before=prose)).n_max == 2
 
 
@@ -301,7 +301,8 @@ def test_prose_before_a_header_without_its_begin(tmp_path):
         ({"gravity_constant": "6.67e-11"}, "line 10: gravity_constant = 6.67e-11 stands otherwise in line 4"),
         ({"before": "begin_of_head\n", "norm": "schmidt semi"}, "line 8: norm 'schmidt' is unknown"),
         ({"max_degree": "1000000000"}, "max_degree = 1000000000 must be an integer of at least 2 and at most"),
-        ({"max_degree": "60000"}, "1800091498 coefficients up to its max_degree 60000 are missing"),
+        ({"max_degree": "60000"}, "1800089995 coefficients up to its max_degree 60000 are missing"),
+        ({"before": "prose\nerrors of it\n", "errors": "of it"}, "line 8: errors 'of' is unknown"),
         ({"radius": "6378,1363"}, "radius '6378,1363' is not a number; the decimal mark is a point"),
     ],
 )
@@ -316,7 +317,7 @@ def test_keywords_that_cannot_be_honoured(tmp_path, changes, says):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"radius": "6378.1363"}, "line 5: GM = 3.98.* and radius = 6378.1363 m give the density 5.5.*e.12"),
+        ({"radius": "6378.1363"}, "line 5: GM = 3.98.* and radius = 6378.1363 m give the density 5.49e.12"),
         ({"earth_gravity_constant": "398600.4415"}, "line 4: GM = 398600.4415 .* give the density 5.49e-06"),
         ({"earth_gravity_constant": "398600.4415", "radius": "6378.1363"}, "line 4: .* of a planet in km"),
         ({"earth_gravity_constant": "42828.37", "radius": "3397.0"}, "line 4: .* of a planet in km"),

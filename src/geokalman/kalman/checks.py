@@ -43,7 +43,7 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
     complex numbers, sparse matrices and whole numbers beyond 2^53 raise ValueError, because their meaning would be
     lost. The packages that bring them are recognised by their attributes, none is imported.
     """
-    if type(value) is np.ndarray and value.dtype.char == "d":
+    if type(value) is np.ndarray and value.dtype == np.float64:
         return value
     if isinstance(value, (list, tuple)):
         if not all(isinstance(item, float) for item in value):

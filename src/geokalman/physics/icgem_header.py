@@ -52,41 +52,35 @@ class Header:
 def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
     """The header, read from lines up to `end_of_head`.
 
-    What stands before `begin_of_head` is no header. Where that line is absent, a line of prose may begin with a
-    keyword: it is passed over if it gives no value. A unit behind GM or radius is honoured.
+    What stands before `begin_of_head` is no header. Where that line is absent, the header begins with the first keyword
+    that has a value, and prose before it may begin with a keyword. A unit behind GM or radius is honoured.
     Raises GfcError for a keyword that is absent, unknown in value, or given twice with other values.
     """
-    found: dict[str, list[tuple[list[str], Place]]] = {}
-    begun = False
+    values: dict[str, tuple[Any, Place]] = {}
+    begun, fault = False, None
     for place, line in lines:
-        words = line.replace("=", " ").split()
-        key = words[0].lower().rstrip(":") if words else ""
+        words = [word for word in line.replace("=", " ").split() if word != ":"]
+        key = words.pop(0).lower().rstrip(":") if words else ""
         key = "gravity_constant" if key == "earth_gravity_constant" else key
         if key == "begin_of_head":
-            found.clear()
-            begun = True
+            values.clear()
+            begun, fault = True, None
         elif key.startswith("end_of_head"):
             break
         elif key in _KEYWORDS:
-            found.setdefault(key, []).append(([word for word in words[1:] if word != ":"], place))
-    else:
-        raise GfcError(f"{path}: no line 'end_of_head'; this is no ICGEM file, or it is truncated.")
-    values: dict[str, tuple[Any, Place]] = {}
-    for key, given in found.items():
-        fault = None
-        for words, place in given:
             try:
                 value = _parsed(key, words, place)
             except GfcError as error:
-                if begun or len(words) == 1:
-                    raise
-                fault = error
+                fault = fault or (error if begun or len(words) == 1 else None)
                 continue
+            begun = True
             if values.setdefault(key, (value, place))[0] != value:
-                first = values[key][1].line
-                raise place.error(f"{key} = {' '.join(words)} stands otherwise in line {first}; one is right.")
-        if fault is not None and key not in values:
-            raise fault
+                said = f"{key} = {' '.join(words)} stands otherwise in line {values[key][1].line}; one is right."
+                fault = fault or place.error(said)
+    else:
+        raise GfcError(f"{path}: no line 'end_of_head'; this is no ICGEM file, or it is truncated.")
+    if fault is not None:
+        raise fault
     for key, meaning in (
         ("max_degree", "the line 'max_degree'"),
         ("gravity_constant", "GM (a line 'earth_gravity_constant' or 'gravity_constant')"),
