@@ -178,9 +178,16 @@ def test_a_plain_array_is_not_copied_and_a_scalar_is_one_number():
 def test_tables_of_pandas():
     pandas = pytest.importorskip("pandas")
     missing = [1.0, pandas.NA]
-    for table in (pandas.Series(missing, dtype="Float64"), pandas.Series([1, None], dtype="Int64"), pandas.Series(missing)):
+    for table in (
+        pandas.Series(missing, dtype="Float64"),
+        pandas.Series([1, None], dtype="Int64"),
+        pandas.Series(missing),
+    ):
         np.testing.assert_array_equal(plain("z", table, missing=True), [1.0, np.nan])
-    for times in (pandas.date_range("2013-05-07", periods=2), pandas.Series([pandas.Timestamp("2013-05-07", tz="UTC")])):
+    for times in (
+        pandas.date_range("2013-05-07", periods=2),
+        pandas.Series([pandas.Timestamp("2013-05-07", tz="UTC")]),
+    ):
         with pytest.raises(ValueError, match="holds dates: give seconds as float"):
             plain("t", times)
     with pytest.raises(ValueError, match="holds time spans"):
@@ -236,7 +243,10 @@ CALLS = {  # argument -> a good value, and a call with it
     "filter_extended.F(x)": (PHI, lambda v: filter_extended(PRIOR, T, step, lambda *a: v, Q, [SENSOR])),
     "filter_extended.R": (R, lambda v: filter_extended(PRIOR, T, step, jacobian, Q, [SENSOR._replace(R=v)])),
     "filter_unscented.t": (T, lambda v: filter_unscented(PRIOR, v, step, Q, [SENSOR])),
-    "filter_unscented.h(x)": (np.ones(1), lambda v: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(h=lambda *a: v)])),
+    "filter_unscented.h(x)": (
+        np.ones(1),
+        lambda v: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(h=lambda *a: v)]),
+    ),
     "filter_unscented.Q": (Q, lambda v: filter_unscented(PRIOR, T, step, v, [SENSOR])),
     "unscented.sigma_points": (np.eye(2), lambda v: unscented.sigma_points(Gaussian(np.zeros(2), v))),
     "smooth.mean": (COURSE.mean, lambda v: smooth(replace(COURSE, mean=v))),
@@ -248,7 +258,10 @@ CALLS = {  # argument -> a good value, and a call with it
     "filter_manifold.cov": (PRIOR.cov, lambda v: on_manifold(cov=v)),
     "filter_manifold.residual": (np.ones(1), lambda v: on_manifold(lambda k, x: (v, H, R))),
     "filter_manifold.A": (PHI, lambda v: on_manifold(propagate=lambda k, x: (x, v, Q))),
-    "smooth_manifold.local": (np.ones(2), lambda v: smooth_manifold(LINE._replace(local=lambda x, y: v), on_manifold())),
+    "smooth_manifold.local": (
+        np.ones(2),
+        lambda v: smooth_manifold(LINE._replace(local=lambda x, y: v), on_manifold()),
+    ),
     "adaptive_update.H": (H, lambda v: adaptive_update(PRIOR, Z[0], v, R, lambda *a: 1.0)),
     "robust_update.R": (R, lambda v: robust_update(PRIOR, Z[0], H, v)),
     "redundancy_numbers.N": (np.ones((3, 1)), lambda v: redundancy_numbers(v, np.ones(3))),

@@ -156,11 +156,18 @@ def test_of_several_segments_the_one_that_covers_the_time(tmp_path):
     e, jd = load_ephemeris(write_spk(tmp_path / "many.bsp", halves)), JD + np.linspace(-80.0, 80.0, 50)
     for body in ("earth", "moon"):
         np.testing.assert_allclose(e.position(body, jd), whole.position(body, jd), rtol=1e-14)
-        np.testing.assert_allclose(e.velocity(body, jd, centre="emb"), whole.velocity(body, jd, centre="emb"), rtol=1e-9)
+        np.testing.assert_allclose(
+            e.velocity(body, jd, centre="emb"), whole.velocity(body, jd, centre="emb"), rtol=1e-9
+        )
 
 
 def test_of_several_segments_that_cover_a_time_the_last(tmp_path):
-    later = replace(SUN.excerpt(SECONDS - 1e6, SECONDS + 1e6), coefficients=np.full((3, 3, 2), 1e6), start=SECONDS - 1.2e6, length=1e6)
+    later = replace(
+        SUN.excerpt(SECONDS - 1e6, SECONDS + 1e6),
+        coefficients=np.full((3, 3, 2), 1e6),
+        start=SECONDS - 1.2e6,
+        length=1e6,
+    )
     e = load_ephemeris(write_spk(tmp_path / "a.bsp", [SUN, later]))
     np.testing.assert_allclose(e.position("sun", JD), 1e6 * (1 + 2 * (0.2 - 0.5)), rtol=1e-9)
     np.testing.assert_allclose(e.position("sun", JD + 100), load_ephemeris().position("sun", JD + 100), rtol=1e-14)
@@ -171,7 +178,9 @@ def test_the_interval_of_the_summary_holds_within_the_records(tmp_path):
     inner = replace(SUN, valid=(SECONDS - 86400.0, SECONDS + 86400.0))
     e = load_ephemeris(write_spk(tmp_path / "a.bsp", [inner]))
     assert np.isfinite(e.position("sun", JD + 0.99)).all()
-    with pytest.raises(OutsideEphemeris, match="JD 2456659.600 TDB is outside a.bsp, which covers JD 2456657.5 to 2456659.5 for sun"):
+    with pytest.raises(
+        OutsideEphemeris, match="JD 2456659.600 TDB is outside a.bsp, which covers JD 2456657.5 to 2456659.5 for sun"
+    ):
         e.position("sun", JD + 1.1)
     outer = replace(SUN, valid=(SUN.start - 1e9, SUN.end + 1e9))
     with pytest.raises(OutsideEphemeris):
@@ -203,7 +212,9 @@ def test_a_segment_that_cannot_be_read_matters_only_where_it_is_needed(tmp_path)
     path = write_spk(tmp_path / "a.bsp", vendored(4, 10), at_1076=struct.pack("<i", 21))  # the type of the first
     e = load_ephemeris(path)
     np.testing.assert_allclose(e.position("sun", JD), load_ephemeris().position("sun", JD), rtol=1e-14)
-    with pytest.raises(SpkError, match="the segment of body 4 relative to 0 has data type 21 in frame 1; types 2 and 3"):
+    with pytest.raises(
+        SpkError, match="the segment of body 4 relative to 0 has data type 21 in frame 1; types 2 and 3"
+    ):
         e.position("mars", JD)
 
 

@@ -217,6 +217,7 @@ def test_one_sentence_for_each_way_to_be_wrong(tmp_path, changes, says):
 
 # Files as they come
 
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_encodings_and_ends_of_lines(tmp_path, encoding, end):
@@ -287,7 +288,7 @@ def test_a_name_of_several_words_and_a_factor_behind_the_errors(tmp_path):
 
 
 def test_prose_before_a_header_without_its_begin(tmp_path):
-    prose = "errors of the coefficients are calibrated\nradius of 6378 km\nformat description: www\nnorm is the usual\nerrors\n"
+    prose = "errors of it are calibrated\nradius of 6378 km\nformat description: www\nnorm is the usual\nerrors\n"
     assert read_gfc(gfc(tmp_path, before=prose)).n_max == 2
 
 
@@ -318,17 +319,28 @@ def test_keywords_that_cannot_be_honoured(tmp_path, changes, says):
     ("changes", "says"),
     [
         ({"radius": "6378.1363"}, "line 5: GM = 3.98.* and radius = 6378.1363 m give the density 5.49e.12"),
+        ({"radius": "1e-200"}, "give the density inf kg"),
+        ({"radius": "1e200"}, "give the density 0 kg"),
         ({"earth_gravity_constant": "398600.4415"}, "line 4: GM = 398600.4415 .* give the density 5.49e-06"),
         ({"earth_gravity_constant": "398600.4415", "radius": "6378.1363"}, "line 4: .* of a planet in km"),
         ({"earth_gravity_constant": "42828.37", "radius": "3397.0"}, "line 4: .* of a planet in km"),
         ({"rows": ["gfc 2 0 -1.0826e-3 0", *ROWS[2:]]}, r"line 11: coefficient \(2, 0\) .*'norm unnormalized'"),
         ({"rows": ["gfc 2 0 4.84e-4 0", *ROWS[2:]]}, "line 11: C20 = 0.000484 has the wrong sign"),
-        ({"rows": [*ROWS[:2], "gfc 2 1 0 -1.2e-2", ROWS[3]]}, r"line 13: coefficient \(2, 1\) = 0, -0.012: of the Earth"),
+        (
+            {"rows": [*ROWS[:2], "gfc 2 1 0 -1.2e-2", ROWS[3]]},
+            r"line 13: coefficient \(2, 1\) = 0, -0.012: of the Earth",
+        ),
         ({"rows": [*ROWS[:3], "gfc 2 2 1.5e100 0"]}, r"line 14: coefficient \(2, 2\) = 1.5e\+100, 0"),
-        ({"gravity_constant": "3.2e14", "earth_gravity_constant": None, "rows": ["gfc 2 0 2 0", *ROWS[2:]]}, "of no body"),
+        (
+            {"gravity_constant": "3.2e14", "earth_gravity_constant": None, "rows": ["gfc 2 0 2 0", *ROWS[2:]]},
+            "of no body",
+        ),
         ({"rows": ["gfc 0 0 0 0", *ROWS[1:]]}, "line 11: C_00 is 0: this is a difference of fields"),
         ({"rows": [*ROWS, "gfc 1 0 1e-7 0"]}, "degree 1 .* 1.1 m from the origin; at most 0.1 m is left out"),
-        ({"errors": "formal", "rows": [r + " 1e-12 -1e-12" for r in ROWS]}, "line 11: standard deviations .* not be neg"),
+        (
+            {"errors": "formal", "rows": [r + " 1e-12 -1e-12" for r in ROWS]},
+            "line 11: standard deviations .* not be neg",
+        ),
     ],
 )
 def test_unphysical_files_are_refused(tmp_path, changes, says):
@@ -421,11 +433,23 @@ YEARS = "20000101 20100101"
         ([*ROWS, "dot 2 0 1e-11 0"], {}, r"line 15: coefficient \(2, 0\) has a trend .* no gfct line"),
         ([*ROWS, "GFC 2 1 -1.8e-10 1.2e-9"], {}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
         ([ROWS[2], ROWS[2], *ROWS[2:]], {}, r"line 12: coefficient \(2, 1\) occurs twice, first in line 11"),
-        ([*VARIABLE, "trnd 2 0 1.1e-11 0.0"], {}, r"line 18: this term of coefficient \(2, 0\) stands there already, in line 13"),
+        (
+            [*VARIABLE, "trnd 2 0 1.1e-11 0.0"],
+            {},
+            r"line 18: this term of coefficient \(2, 0\) stands there already, in line 13",
+        ),
         ([f"gfct 2 0 -4.8e-4 0 {YEARS}", *ROWS[2:]], {}, "line 11: 7 columns where 6 are right .* 'format icgem2.0'"),
-        (["gfct 2 0 -4.8e-4 0 20100101 20000101", *ROWS[2:]], V2, "line 12: the interval 20100101 to 20000101 is empty"),
+        (
+            ["gfct 2 0 -4.8e-4 0 20100101 20000101", *ROWS[2:]],
+            V2,
+            "line 12: the interval 20100101 to 20000101 is empty",
+        ),
         (["gfct 2 0 -4.8e-4 0 20000101", *ROWS[2:]], V2, "line 12: 6 columns where 7 are needed"),
-        ([f"gfct 2 0 -4.8e-4 0 {YEARS}"] * 2 + ROWS[2:], V2, "line 13: coefficient .* 2 gfct lines, first in line 12; one is right"),
+        (
+            [f"gfct 2 0 -4.8e-4 0 {YEARS}"] * 2 + ROWS[2:],
+            V2,
+            "line 13: coefficient .* 2 gfct lines, first in line 12; one is right",
+        ),
         (["gfct 2 0 -4.8e-4 0 2005111", *ROWS[2:]], {}, "'2005111' is no date"),
         (["gfct 2 0 -4.8e-4 0 20050101.5", *ROWS[2:]], {}, "'20050101.5' is no date"),
         (["gfct 2 0 -4.8e-4 0 2005.0", *ROWS[2:]], {}, "'2005.0' is no date"),
@@ -442,7 +466,9 @@ def test_rows_are_refused_by_line(tmp_path, rows, header, says):
 
 
 def test_a_date_between_intervals_names_them(tmp_path):
-    with pytest.raises(GfcError, match="no gfct line covers 2030-01-01, only 2000-01-01 to 2010-01-01, 2010-01-01 to 2020-"):
+    with pytest.raises(
+        GfcError, match="no gfct line covers 2030-01-01, only 2000-01-01 to 2010-01-01, 2010-01-01 to 2020-"
+    ):
         read_gfc(gfc(tmp_path, INTERVALS, format="icgem2.0"), datetime.date(2030, 1, 1))
 
 

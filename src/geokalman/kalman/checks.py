@@ -76,7 +76,9 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
         place = [int(i) for i in np.argwhere(mask)[0]]
         raise ValueError(f"{name}{place or ''} is masked or missing: there must be a number")
     if raw.dtype.kind != "f" and (~mask & ((raw > _WHOLE) | (raw < -_WHOLE))).any():
-        raise ValueError(f"{name} holds whole numbers beyond 2^53, which float64 does not hold: count from a nearer zero")
+        raise ValueError(
+            f"{name} holds whole numbers beyond 2^53, which float64 does not hold: count from a nearer zero"
+        )
     with np.errstate(over="ignore"):  # what is larger than float64 is infinite, and refused as that
         return np.where(mask, np.nan, raw.astype(float))
 

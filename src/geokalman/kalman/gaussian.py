@@ -75,7 +75,9 @@ class Trajectory:
         }.items():  # fmt: skip
             have = np.shape(getattr(self, name))
             if len(have) != len(shape) or any(want not in (None, h) for want, h in zip(shape, have, strict=True)):
-                raise ValueError(f"{name} of a trajectory has the shape {have}, with {N} epochs of {n} states it must be {shape}")
+                raise ValueError(
+                    f"{name} of a trajectory has the shape {have}, with {N} epochs of {n} states it must be {shape}"
+                )
 
     def __len__(self) -> int:
         return len(self.t)

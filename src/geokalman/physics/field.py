@@ -156,7 +156,9 @@ def require_body(field: GravityField, body: Body) -> GravityField:
         raise ValueError(f"{field.name}: GM = {field.gm:g} is not that of {body.name}, {body.gm:g} m^3/s^2; {cure}.")
     if abs(field.radius / body.radius - 1.0) > 0.03:
         cure = "; it is in km" if abs(1e3 * field.radius / body.radius - 1.0) < 0.03 else ""
-        raise ValueError(f"{field.name}: radius = {field.radius:g} is not that of {body.name}, {body.radius:g} m{cure}.")
+        raise ValueError(
+            f"{field.name}: radius = {field.radius:g} is not that of {body.name}, {body.radius:g} m{cure}."
+        )
     if abs(field.C[2, 0] / body.C20 - 1.0) > 0.02:
         raise ValueError(
             f"{field.name}: C20 = {field.C[2, 0]:g} where the fully normalised one of {body.name} is {body.C20:g}; "

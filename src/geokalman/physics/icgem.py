@@ -87,7 +87,9 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     _require_physical(head, C, S, lambda n_, m_: Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError))
     _leave_out_degree_one(path, head.radius, C, S)
     try:
-        return GravityField(head.name, head.gm, head.radius, C, S, head.tide_system, *(sigma if sigma is not None else ()))
+        return GravityField(
+            head.name, head.gm, head.radius, C, S, head.tide_system, *(sigma if sigma is not None else ())
+        )
     except ValueError as error:
         raise GfcError(f"{path}: {error}") from None
 
@@ -127,7 +129,9 @@ def write_gfc(field: GravityField, path: str | os.PathLike) -> Path:
     return path
 
 
-def _read_rows(head: Header, stream: Iterator[tuple[Place, str]]) -> tuple[array.array, dict[tuple[int, int], list[Term]]]:
+def _read_rows(
+    head: Header, stream: Iterator[tuple[Place, str]]
+) -> tuple[array.array, dict[tuple[int, int], list[Term]]]:
     """The static coefficients as rows of a table, and the terms of the time-variable ones."""
     rows = array.array("d")
     terms: dict[tuple[int, int], list[Term]] = {}
@@ -143,9 +147,7 @@ def _read_rows(head: Header, stream: Iterator[tuple[Place, str]]) -> tuple[array
     return rows, terms
 
 
-def _append(
-    rows: array.array, place: Place, nm: tuple[int, int], value: tuple[float, float, list[float]]
-) -> None:
+def _append(rows: array.array, place: Place, nm: tuple[int, int], value: tuple[float, float, list[float]]) -> None:
     sigma = value[2][:2] or (math.nan, math.nan)  # calibrated errors stand before formal ones
     if sigma[0] < 0 or sigma[1] < 0:
         raise place.error(f"standard deviations {sigma[0]} and {sigma[1]} of coefficient {nm} must not be negative.")
@@ -202,20 +204,22 @@ def _require_complete(path: Path, n_max: int, n: Array, m: Array, line: Array) -
 
 def _require_physical(head: Header, C: Array, S: Array, place: Callable[[int, int], Place]) -> None:
     """Raise GfcError for GM, radius and coefficients that no planet or moon has; `place` is that of a coefficient."""
-    density = 3.0 * head.gm / (4.0 * math.pi * 6.6743e-11 * head.radius**3)
+    density = 3.0 / (4.0 * math.pi * 6.6743e-11) * head.gm / head.radius / head.radius / head.radius
     given = f"GM = {head.gm:.10g} m^3/s^2 and radius = {head.radius:.10g} m"
     if not _DENSITIES[0] < density < _DENSITIES[1]:
         lengths = {"radius": 1e9, "gravity_constant": 1e-9}  # what the density would be divided by, were one in km
         key = next((k for k, f in lengths.items() if _DENSITIES[0] < density / f < _DENSITIES[1]), "radius")
         raise head.places[key].error(
-            f"{given} give the density {density:.3g} kg/m^3, which no body has; behind a value in km its unit is needed."
+            f"{given} give the density {density:.3g} kg/m^3, which no body has; a value in km needs its unit."
         )
     if any(abs(1e9 * head.gm / gm - 1.0) < 0.01 for gm in _PLANETS):
         raise head.places["gravity_constant"].error(
             f"{given} are those of a planet in km^3/s^2 and km; give metres, or the unit behind each value."
         )
     if C[0, 0] == 0.0:
-        raise place(0, 0).error("C_00 is 0: this is a difference of fields or a correction, and a field is needed (C_00 = 1).")
+        raise place(0, 0).error(
+            "C_00 is 0: this is a difference of fields or a correction, and a field is needed (C_00 = 1)."
+        )
     body = next((body for body in BODIES if abs(head.gm / body.gm - 1.0) < 0.01), None)
     size = np.maximum(np.abs(C), np.abs(S))
     size[:2] = 0.0
@@ -241,7 +245,9 @@ def _leave_out_degree_one(path: Path, radius: float, C: Array, S: Array) -> None
         raise GfcError(f"{path}: {terms} {offset:.3g} m from the origin; at most {GEOCENTRE} m is left out.")
     if offset:
         C[1], S[1] = 0.0, 0.0
-        warnings.warn(f"{path}: {terms} {1e3 * offset:.2g} mm from the origin; it is left out.", GfcWarning, stacklevel=3)
+        warnings.warn(
+            f"{path}: {terms} {1e3 * offset:.2g} mm from the origin; it is left out.", GfcWarning, stacklevel=3
+        )
 
 
 def _normalisation(path: Path, n_max: int) -> Array:

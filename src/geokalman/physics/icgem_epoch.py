@@ -64,7 +64,9 @@ def instant(epoch: object) -> datetime.datetime | None:
     return epoch if epoch.tzinfo is None else epoch.astimezone(datetime.UTC).replace(tzinfo=None)
 
 
-def at_epoch(group: list[Term], time: datetime.datetime | None, nm: tuple[int, int]) -> tuple[float, float, list[float]]:
+def at_epoch(
+    group: list[Term], time: datetime.datetime | None, nm: tuple[int, int]
+) -> tuple[float, float, list[float]]:
     """C, S and errors of one coefficient at a time, or at its reference epoch; raises GfcError by line."""
     first, base = group[0].place, [t for t in group if t.key == "gfct"]
     if not base:
@@ -76,7 +78,9 @@ def at_epoch(group: list[Term], time: datetime.datetime | None, nm: tuple[int, i
         group = [t for t in group if t.end is None or t.begin <= time < t.end]
         base = [t for t in group if t.key == "gfct"]
         if not base:
-            raise first.error(f"coefficient {nm} is time-variable, but no gfct line covers {time:%Y-%m-%d}, only {spans}.")
+            raise first.error(
+                f"coefficient {nm} is time-variable, but no gfct line covers {time:%Y-%m-%d}, only {spans}."
+            )
     if len(base) > 1:
         cure = "one is right"
         if time is None and base[0].end is not None:

@@ -129,7 +129,9 @@ def _parsed(key: str, words: list[str], place: Place) -> Any:
     if unit in _UNITS[key]:
         return value * _UNITS[key][unit]
     if unit and words[1][0] not in "#!%;(":  # a remark
-        raise place.error(f"{key} = {words[0]} has the unknown unit '{' '.join(words[1:])}'; metres and seconds are right.")
+        raise place.error(
+            f"{key} = {words[0]} has the unknown unit '{' '.join(words[1:])}'; metres and seconds are right."
+        )
     return value
 
 

@@ -126,12 +126,16 @@ def _byte_order(data: bytes, place: Place) -> str:
     if not name:  # files of before 1998 do not say
         order = next((o for o in "<>" if struct.unpack(o + "2i", data[8:16]) == _SHAPE), None)
     if order is None:
-        raise place.error(f"the number format {name.decode('latin-1')!r} is unknown; LTL-IEEE and BIG-IEEE can be read.")
+        raise place.error(
+            f"the number format {name.decode('latin-1')!r} is unknown; LTL-IEEE and BIG-IEEE can be read."
+        )
     if b"FTPSTR" in data[:_RECORD] and _UNHARMED not in data[:_RECORD]:
         raise place.error("a transfer as text has damaged the file; fetch it again as binary.")
     if struct.unpack(order + "2i", data[8:16]) != _SHAPE:
         nd, ni = struct.unpack(order + "2i", data[8:16])
-        raise place.error(f"summaries of {nd} doubles and {ni} integers are not those of an SPK file, which has 2 and 6.")
+        raise place.error(
+            f"summaries of {nd} doubles and {ni} integers are not those of an SPK file, which has 2 and 6."
+        )
     return order
 
 
@@ -145,10 +149,17 @@ def _summaries(data: bytes, order: str, place: Place) -> Iterator[tuple]:
         seen.add(record)
         page = data[(record - 1) * _RECORD : record * _RECORD] if record > 1 else b""
         if len(page) < _RECORD:
-            raise place.error(f"summary record {record} is none of the records 2 to {len(data) // _RECORD}; the file is truncated or damaged.")
+            raise place.error(
+                f"summary record {record} is none of the records 2 to {len(data) // _RECORD}; the file is truncated or "
+                "damaged."
+            )
         following, _, count = struct.unpack(order + "3d", page[:24])
-        if not (0 <= count <= (_RECORD - 24) // _SUMMARY and 0 <= following < 2**31 and count % 1 == following % 1 == 0):
-            raise place.error(f"summary record {record} is damaged: it has {count:g} summaries, and record {following:g} follows.")
+        if not (
+            0 <= count <= (_RECORD - 24) // _SUMMARY and 0 <= following < 2**31 and count % 1 == following % 1 == 0
+        ):
+            raise place.error(
+                f"summary record {record} is damaged: it has {count:g} summaries, and record {following:g} follows."
+            )
         for k in range(int(count)):
             yield struct.unpack(order + "2d6i", page[24 + k * _SUMMARY : 24 + (k + 1) * _SUMMARY])
         record = int(following)
@@ -158,17 +169,23 @@ def _segment(data: bytes, order: str, summary: tuple, place: Place) -> Segment:
     begin, end, target, centre, frame, kind, first, last = summary
     what = f"the segment of body {target} relative to {centre}"
     if kind not in (2, 3) or frame != _J2000_FRAME:
-        unread = f"{place.path}: {what} has data type {kind} in frame {frame}; types 2 and 3 in frame 1 (ICRF) are read."
+        unread = (
+            f"{place.path}: {what} has data type {kind} in frame {frame}; types 2 and 3 in frame 1 (ICRF) are read."
+        )
         return Segment(target, centre, begin, end - begin, np.empty((1, 3, 0)), unread=unread)
     if not -np.inf < begin < end < np.inf:
         raise place.error(f"{what} covers {begin:g} to {end:g} s since J2000: its end must come after its begin.")
     if not 1 <= first < last - 3 or 8 * last > len(data):
-        raise place.error(f"{what} has words {first} to {last}, and the file ends at {len(data) // 8}: it is truncated.")
+        raise place.error(
+            f"{what} has words {first} to {last}, and the file ends at {len(data) // 8}: it is truncated or damaged."
+        )
     words = np.frombuffer(data, order + "f8", last - first + 1, 8 * (first - 1))
     start, length, size, records = map(float, words[-4:])
     parts = 3 * (kind - 1)  # positions, or positions and velocities
     degrees = (size - 2) / parts
-    if not (0 < length < np.inf and degrees >= 1 and degrees % 1 == 0 and records >= 1 and size * records + 4 == words.size):
+    if not (
+        0 < length < np.inf and degrees >= 1 and degrees % 1 == 0 and records >= 1 and size * records + 4 == words.size
+    ):
         raise place.error(
             f"{what} is damaged: {words.size} words hold no {records:g} records of {size:g} words over {length:g} s."
         )
@@ -177,7 +194,9 @@ def _segment(data: bytes, order: str, summary: tuple, place: Place) -> Segment:
     if not sound.all():
         raise place.error(f"{what} is damaged: record {int(np.argmin(sound)) + 1} has a number that is not below 1e20.")
     middle = start + length * (np.arange(len(rows)) + 0.5)
-    if not np.allclose(rows[:, :2], np.column_stack([middle, np.full(len(rows), length / 2)]), rtol=0, atol=1e-3 * length):
+    if not np.allclose(
+        rows[:, :2], np.column_stack([middle, np.full(len(rows), length / 2)]), rtol=0, atol=1e-3 * length
+    ):
         raise place.error(f"{what} is damaged: the times of its records do not follow one another by {length:g} s.")
     body = 1e3 * rows[:, 2:].reshape(len(rows), parts, -1).astype(float)
     out = Segment(target, centre, start, length, body[:, :3], body[:, 3:] if kind == 3 else None, (begin, end))
@@ -186,5 +205,7 @@ def _segment(data: bytes, order: str, summary: tuple, place: Place) -> Segment:
     low, high = _DISTANCES.get(centre, {}).get(target, (0.0, np.inf))
     distance = float(np.linalg.norm(out.evaluate(np.array([out.start + 0.5 * out.length]))))
     if not low < distance < high:
-        raise place.error(f"{what} is {distance:.3g} m away, where {low:g} to {high:g} m are right; SPK files are in kilometres.")
+        raise place.error(
+            f"{what} is {distance:.3g} m away, where {low:g} to {high:g} m are right; SPK files are in kilometres."
+        )
     return out

@@ -21,7 +21,8 @@ _LEAP = (
 )  # fmt: skip
 _KNOWN_UNTIL = 61584  # 2027-06-28, when IERS Bulletin C 72 expires
 _UTC = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:[.,]\d+)?))?)?\s*(Z|UTC|[+-]\d\d(?::?[0-5]\d)?)?", re.ASCII | re.I
+    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:[.,]\d+)?))?)?\s*(Z|UTC|[+-]\d\d(?::?[0-5]\d)?)?",
+    re.ASCII | re.I,
 )
 
 
