@@ -70,13 +70,14 @@ class Place(NamedTuple):
 
 def number(text: str) -> float:
     """A finite float as C or Fortran write it: 1.5e-3, 1.5D-03, 1.5-103. Raises ValueError in one sentence."""
-    plain = text.strip()
-    if _FORTRAN.fullmatch(plain):
-        plain = plain.replace("D", "e").replace("d", "e")
-    elif split := _NO_EXPONENT_LETTER.fullmatch(plain):
-        plain = f"{split[1]}e{split[2]}"
+    plain = "" if "_" in text else text.strip()
     try:
-        value = float("" if "_" in plain else plain)
+        try:
+            value = float(plain)
+        except ValueError:  # the rare forms are tried last: files have millions of numbers
+            split = _NO_EXPONENT_LETTER.fullmatch(plain)
+            fortran = plain.upper().replace("D", "E") if _FORTRAN.fullmatch(plain) else ""
+            value = float(f"{split[1]}e{split[2]}" if split else fortran)
     except ValueError:
         cure = "; the decimal mark is a point" if re.fullmatch(r"[+-]?\d+,\d+", plain) else ""
         raise ValueError(f"{_shown(text)} is not a number{cure}.") from None
