@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -35,10 +35,10 @@ class Limit(NamedTuple):
 
 LIMITS = {
     "t": Limit(-1e10, 1e10, 3600.0, "s"),
-    "lat": Limit(-360.0, 360.0, 0.02, "degrees"),  # it may hold the longitude
-    "lon": Limit(-360.0, 360.0, 0.2, "degrees"),
-    "easting": Limit(-1e8, 1e8, 2e3, "m"),
-    "northing": Limit(-1e8, 1e8, 2e3, "m"),
+    "lat": Limit(-360.0, 360.0, 0.006, "degrees"),  # it may hold the longitude
+    "lon": Limit(-360.0, 360.0, 0.06, "degrees"),
+    "easting": Limit(-1e8, 1e8, 600.0, "m"),
+    "northing": Limit(-1e8, 1e8, 600.0, "m"),
     "height": Limit(-500.0, 2e4, 200.0, "m"),
     "f1": Limit(-2e6, 2e6, np.inf, "mGal"),
     "f2": Limit(-2e6, 2e6, np.inf, "mGal"),
@@ -192,7 +192,7 @@ def wild(name: str, c: Table, references: Table, layout: Layout) -> None:
     dt = float(np.median(np.diff(c["t"])))
     held = {key: (x, _limit(key, layout)) for key, x in (*c.items(), *references.items()) if key not in ("t", *ROWS)}
     if "a_up" in c:
-        held["f3 - a_up"] = c["f3"] - c["a_up"], LIMITS["raw"]
+        held["f3 - a_up"] = c["f3"] - c["a_up"], LIMITS["raw"]._replace(least=-np.inf, most=np.inf)
     across = max(float(np.cos(np.radians(np.nanmedian(c["lat"])))), 0.1)
     held["lon"] = c["lon"], LIMITS["lon"]._replace(step=LIMITS["lat"].step / across)
     for key, (x, limit) in held.items():
@@ -215,10 +215,8 @@ def _refuse(
 ) -> None:
     """Raise InputError for the worst of a channel's values, if it is one; `step` : between neighbours."""
     gap = np.abs(y - median_filter(y, 7, mode="nearest"))
-    far = np.abs(y - np.median(y))
-    for k in np.flatnonzero(step > allowed):  # of two neighbours the one that is further from the rest
-        worst = k if far[k] > far[k + 1] else k + 1
-        gap[worst] = max(gap[worst], step[k])
+    if not (gap > allowed).any():  # a run is its own neighbourhood: where it begins
+        gap[1:] = np.maximum(gap[1:], np.where(step > allowed, step, 0.0))
     if not (beyond | (gap > allowed)).any():
         return
     k = int(np.argmax(beyond)) if beyond.any() else int(np.argmax(gap))
@@ -236,10 +234,10 @@ def _limit(key: str, layout: Layout) -> Limit:
     return LIMITS.get(key, LIMITS[kind])
 
 
-def places(name: str, c: Table) -> tuple[Table, bool]:
+def places(who: str, c: Table) -> tuple[Table, bool]:
     """Latitude and longitude that agree with easting and northing, and whether they had to be swapped for it.
 
-    Raises InputError where neither order agrees, with the unit that would.
+    who : what moves, for the message: a line, or the middles of several. Raises InputError where neither order agrees, with the unit that would.
     """
     if _place_misfit(c["lat"], c["lon"], c) < 0.1:
         return c, False
@@ -256,10 +254,19 @@ def places(name: str, c: Table) -> tuple[Table, bool]:
         if _place_misfit(c["lat"], c["lon"], {key: factor * c[key] for key in ("easting", "northing")}) < 0.1:
             hint = f"easting and northing are in {what}, metres are needed"
     raise InputError(
-        f"Line {name}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} "
+        f"{who}: latitude {c['lat'][0]:.4f} and longitude {c['lon'][0]:.4f} "
         f"do not move as easting and northing do, "
         f"in either order; {hint}."
     )
+
+
+def middles(channels: Table, blocks: Sequence[Array]) -> None:
+    """From line to line, too, places agree as in `places`: north-south lines alone show no wrong easting."""
+    keys = ("lat", "lon", "easting", "northing")
+    whole = [rows for rows in blocks if all(np.isfinite(channels[key][rows]).any() for key in keys)]
+    c = {key: np.array([np.nanmedian(channels[key][rows]) for rows in whole]) for key in keys}
+    if len(whole) > 1 and np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() > 2e3:
+        places("The middles of the lines", c)
 
 
 def _place_misfit(lat: np.ndarray, lon: np.ndarray, c: Mapping[str, Array]) -> float:

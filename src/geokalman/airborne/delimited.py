@@ -83,7 +83,7 @@ def read_delimited(path: Path | str) -> Table:
         rows.append(place.line)
         labels.append(label)
     if not texts:
-        raise Place(path).error("this is empty." if not place.line else "this has no data under its header.")
+        raise Place(path).error("this has no data under its header." if before or starts else "this is empty.")
     table = Table(path=path, rows=rows)
     _fill(table, names, texts)
     table.starts = starts

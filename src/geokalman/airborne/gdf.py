@@ -118,6 +118,8 @@ def read_definition(path: Path | str) -> tuple[list[list[Field]], set[str]]:
 
 def _field(place: Place, text: str) -> Field:
     name, _, rest = text.partition(":")
+    if not rest and re.fullmatch(r"\s*\d*X\s*", name, re.I):  # blanks need no name
+        name, rest = "", name
     form = re.split("[:,]", rest, maxsplit=1)[0].strip()
     found = _FORMAT.fullmatch(form)
     if found is None:

@@ -111,7 +111,7 @@ def _corrections(name: str, c: Table, references: Table, layout: Layout) -> None
             k = int(np.argmax(np.abs(gap)))
             raise InputError(
                 f"Line {name}: {column} adds {given[k]:.2f} mGal{at(references, k)}, "
-                f"where the position asks for {expected[k]:.2f}; a wrong value, or a null in other words."
+                f"where the position asks for {expected[k]:.2f}; one of them is wrong there."
             )
 
 
