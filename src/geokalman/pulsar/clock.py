@@ -50,7 +50,7 @@ def times(table: Table, column: str) -> Times:
     if t.ndim != 1:
         raise header.error(f"column {column} holds {t.shape[1]} numbers in a row; one time is needed.")
     unit = _unit(table, f"TUNIT{table.columns.field(column).number}", "TIMEUNIT")
-    if t.dtype.kind == "f" and t.size and (step := unit * float(np.spacing(np.abs(t).max()))) > _COARSE:
+    if t.dtype == np.float32 and t.size and (step := unit * float(np.spacing(np.abs(t).max()))) > _COARSE:
         raise header.error(f"column {column} is of single precision, in steps of {step:g} s; TFORM D is needed.")
     jd, zero = _reference(table), _offset(table) + _scale(table)
     t = t * unit

@@ -16,6 +16,7 @@ from geokalman.pulsar.model import Array
 
 _TOLERANCE = 1e3  # [m]: 3.3 microseconds of light, what X-ray timing can see
 _LOWEST, _HIGHEST = 6.4e6, 2e9  # [m] from the Earth's centre: below the air, beyond L2
+_FASTEST = 1.2e4  # [m/s]: more than it takes to escape
 _BOUND = 3e8  # [m]: farther out Moon and Sun matter, and the Earth's gravity is no check
 _LAYOUTS = (  # columns of time, position, velocity: RXTE, NICER, IXPE; NuSTAR, Swift; Fermi
     ("TIME", ("X", "Y", "Z"), ("VX", "VY", "VZ")),
@@ -105,6 +106,11 @@ def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[st
             f"the position in row {wrong[0] + 1} is {radius[wrong[0]] / 1e3:.6g} km from the Earth's centre, not between "
             f"{_LOWEST / 1e3:.0f} and {_HIGHEST / 1e3:.0f} km; check {', '.join(positions)} and their units."
         )
+    if v is not None and (wrong := np.flatnonzero(_norm(v) > _FASTEST)).size:
+        raise header.error(
+            f"the velocity in row {wrong[0] + 1} is {_norm(v)[wrong[0]]:.6g} m/s, above {_FASTEST:.0f} m/s; check "
+            f"{', '.join(speeds)} and their units."
+        )
     again = np.flatnonzero(np.diff(t[rows]) == 0.0)
     apart = _norm(r[rows[again + 1]] - r[rows[again]])
     if (apart > _TOLERANCE).any():
@@ -141,7 +147,8 @@ def _vectors(table: Table, names: tuple[str, ...], units: re.Pattern[str]) -> Ar
 
 
 def _norm(vectors: Array) -> Array:
-    return np.sqrt((vectors**2).sum(axis=1))
+    with np.errstate(over="ignore"):
+        return np.sqrt((vectors**2).sum(axis=1))
 
 
 def _velocities(t: Array, r: Array) -> Array:
@@ -170,7 +177,7 @@ def _misfit(t: Array, r: Array, v: Array | None) -> tuple[Array, Array, Array]:
     h, radius = h[:, 0], np.minimum(_norm(r)[1:], _norm(r)[:-1])
     angle = h * np.sqrt(GM_EARTH / radius**3)
     worst = np.maximum(moved, h * turned / 2.0) / (_TOLERANCE + 10.0 * angle**4 * radius / 24.0)
-    tells = (angle < 1.0) & (radius < _BOUND)
+    tells = (angle < 0.5) & (radius < _BOUND)
     return (
         (moved / (_norm(np.diff(r, axis=0)) + 1.0))[tells],
         (turned / (h * GM_EARTH / radius**2))[tells],
