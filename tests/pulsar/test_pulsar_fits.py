@@ -76,7 +76,8 @@ def test_columns_that_hold_no_numbers_are_passed_over_until_asked_for(fits_bytes
     [
         ({"PCOUNT": -2880}, "PCOUNT = -2880"), ({"NAXIS2": -5}, "NAXIS2 = -5"), ({"NAXIS2": 10**15}, "truncated"),
         ({"NAXIS2": 10**30}, "NAXIS2 = 1000"), ({"GCOUNT": 0}, "GCOUNT = 0"), ({"BITPIX": 7}, "BITPIX = 7"),
-        ({"BITPIX": 16, "NAXIS2": 1}, "has BITPIX = 8"), ({"BITPIX": None}, "lacks BITPIX"), ({"NAXIS": 10**9}, "NAXIS = 1"),
+        ({"BITPIX": 16, "NAXIS2": 1}, "has BITPIX = 8"), ({"BITPIX": None}, "lacks BITPIX"),
+        ({"NAXIS": 10**9}, "NAXIS = 1"),
         ({"NAXIS": 1}, "NAXIS = 2"), ({"NAXIS": None}, "lacks NAXIS"), ({"NAXIS2": None}, "lacks NAXIS2"),
         ({"NAXIS2": "many"}, "NAXIS2 = 'many' is not a number"), ({"NAXIS2": 1.5}, "NAXIS2 = '1.5' is not a whole"),
         ({"NAXIS2": True}, "NAXIS2 = 'True' is not a number"), ({"NAXIS2": b""}, "lacks NAXIS2"),
@@ -95,8 +96,10 @@ def test_sizes_of_a_header_are_not_trusted(fits_bytes, header, match):
 @pytest.mark.parametrize(
     ("header", "match"),
     [
-        ({"TSCAL1": "big"}, "TSCAL1 = 'big'"), ({"TZERO1": b"1.E400"}, "TZERO1"), ({"TTYPE2": "time"}, "1 and 2 are both"),
-        ({"TNULL2": 1.5}, "TNULL2 = '1.5' is not a whole"), ({"TTYPE1": "TIME_TAG"}, "no column TIME; the columns are TIME_TAG, N"),
+        ({"TSCAL1": "big"}, "TSCAL1 = 'big'"), ({"TZERO1": b"1.E400"}, "TZERO1"),
+        ({"TTYPE2": "time"}, "1 and 2 are both"),
+        ({"TNULL2": 1.5}, "TNULL2 = '1.5' is not a whole"),
+        ({"TTYPE1": "TIME_TAG"}, "no column TIME; the columns are TIME_TAG, N"),
     ],
 )  # fmt: skip
 def test_columns_that_contradict_themselves(fits_bytes, header, match):
@@ -106,7 +109,10 @@ def test_columns_that_contradict_themselves(fits_bytes, header, match):
 
 
 def test_null_and_infinite_numbers_are_named_by_row(fits_bytes):
-    columns = [("N", "J", np.array([1, 2, 2], ">i4")), ("V", "3D", np.array([[0, 0, 0], [0, np.inf, 0], [0, 0, 0]], ">f8"))]
+    columns = [
+        ("N", "J", np.array([1, 2, 2], ">i4")),
+        ("V", "3D", np.array([[0, 0, 0], [0, np.inf, 0], [0, 0, 0]], ">f8")),
+    ]
     [table] = parse_fits(fits_bytes(({"TNULL1": 2}, columns)), "x")
     with pytest.raises(FitsError, match="column N is null or not finite in row 2, as are 1 other rows"):
         table.finite("N")
@@ -120,7 +126,16 @@ def test_what_may_stand_around_a_table(fits_bytes):
     end = content.rindex(b"XTENSION= ")
     content = content[:end] + bytes(2880 * 2) + content[end:]  # the image has 3600 bytes
     assert [t.columns["TIME"].tolist() for t in parse_fits(content, "x")] == [[1.0, 2.5]]
-    groups = {"BITPIX": 16, "NAXIS": 3, "NAXIS1": 0, "NAXIS2": 5, "NAXIS3": 7, "GROUPS": True, "PCOUNT": 3, "GCOUNT": 20}
+    groups = {
+        "BITPIX": 16,
+        "NAXIS": 3,
+        "NAXIS1": 0,
+        "NAXIS2": 5,
+        "NAXIS3": 7,
+        "GROUPS": True,
+        "PCOUNT": 3,
+        "GCOUNT": 20,
+    }
     head = fits_bytes(primary=groups)
     [table] = parse_fits(head + bytes(2880) + fits_bytes(({}, [TIME]))[2880:], "x")  # 2 * 20 * (3 + 35) = 1520 bytes
     assert len(table.columns["TIME"]) == 2

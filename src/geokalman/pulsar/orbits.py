@@ -103,8 +103,8 @@ def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[st
     radius = _norm(r)
     if (wrong := np.flatnonzero((radius < _LOWEST) | (radius > _HIGHEST))).size:
         raise header.error(
-            f"the position in row {wrong[0] + 1} is {radius[wrong[0]] / 1e3:.6g} km from the Earth's centre, not between "
-            f"{_LOWEST / 1e3:.0f} and {_HIGHEST / 1e3:.0f} km; check {', '.join(positions)} and their units."
+            f"the position in row {wrong[0] + 1} is {radius[wrong[0]] / 1e3:.6g} km from the Earth's centre, not "
+            f"between {_LOWEST / 1e3:.0f} and {_HIGHEST / 1e3:.0f} km; check {', '.join(positions)} and their units."
         )
     if v is not None and (wrong := np.flatnonzero(_norm(v) > _FASTEST)).size:
         raise header.error(
@@ -192,7 +192,7 @@ def _check_motion(header: Header, t: Array, r: Array, v: Array | None, rows: Arr
     if moved.size and np.median(moved) > 0.05:
         speed, chord = np.median(_norm(v)), np.median(_norm(np.diff(r, axis=0)) / np.diff(t))
         raise header.error(
-            f"the velocities are {speed:.4g} m/s, but the positions move by {chord:.4g} m/s in another way; check units."
+            f"the velocities are {speed:.4g} m/s, but the positions move otherwise, by {chord:.4g} m/s; check units."
         )
     if turned.size and np.median(turned) > 0.05:
         raise header.error(

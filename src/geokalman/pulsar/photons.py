@@ -94,8 +94,8 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
     step = 0.1 / t[-1]
     if 2.0 * half_width / step * len(t) > MAX_TURNS:
         raise ValueError(
-            f"{len(t)} events over {t[-1] / 86400.0:.3g} d would take {2.0 * half_width / step:.3g} frequencies to search; "
-            "give a shorter part of them."
+            f"{len(t)} events over {t[-1] / 86400.0:.3g} d would take {2.0 * half_width / step:.3g} frequencies to "
+            "search; give a shorter part of them."
         )
     grid = near + np.arange(-np.ceil(half_width / step), np.ceil(half_width / step) + 1) * step
     power = np.array([z_squared(f * t)[0] for f in grid])
@@ -119,8 +119,8 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
 def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) -> Timing:
     """Times of arrival of consecutive pieces from the phase of the fundamental at the best frequency of all photons.
 
-    t (n,) [s], in any order; pieces of `piece` seconds are counted from the first photon, later photons dropped. Residuals are
-    those of a linear fit.
+    t (n,) [s], in any order; pieces of `piece` seconds are counted from the first photon, later photons dropped.
+    Residuals are those of a linear fit.
     Raises ValueError for fewer than three pieces and for a piece without photons.
     """
     if pieces < 3:
