@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock
 
-from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters, reports, sockets
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -32,8 +31,8 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: weakref.WeakSet[Any] = weakref.WeakSet()
 _working: set[Path] = set()
-Progress = Callable[[int, int], None]
-"""Called with (cell now running, number of code cells)."""
+Progress = Callable[[int, int, Path], None]
+"""Called with (cell now running, number of code cells, file of its reports)."""
 
 
 class ExecutionFailed(Fault):
@@ -67,10 +66,8 @@ def run(
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        locks = root / ".cache" / "locks"
-        locks.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
-    with lock:  # one writer of `out`, so that what another left unfinished there can be cleared
+    sweep_runs(root)
+    with atomic.locked(_lock_of(root, out)):  # one writer of `out`: what another left unfinished can be cleared
         return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
 
 
@@ -84,7 +81,8 @@ def _run_alone(
     _working.add(work)
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, out, threads, progress)
+        with sockets.folder() as talk:
+            executed = _execute(source, name, values, root, record, work, talk, out, threads, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -105,8 +103,7 @@ def _run_alone(
             from geokalman.reproduce import page as pages
 
             atomic.write_text(record / "page.html", pages.render(executed, root, name))
-        made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
-        told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
+        told |= {"key": key, "files": atomic.digests(record, "provenance.json")}
         atomic.write_json(record / "provenance.json", told)
         atomic.swap_folder(record, out)
         failed.unlink(missing_ok=True)
@@ -117,6 +114,18 @@ def _run_alone(
         shutil.rmtree(work, ignore_errors=True)
         _working.discard(work)
     return out
+
+
+def sweep_runs(root: Path) -> None:
+    """Clear what killed runs left in `runs/`; a run that lives holds its lock."""
+    for folder in (root / "runs").glob("*/*"):
+        for name in atomic.unfinished(folder):
+            with contextlib.suppress(OSError), FileLock(_lock_of(root, folder / name), timeout=0):
+                atomic.sweep(folder, name)
+
+
+def _lock_of(root: Path, out: Path) -> Path:
+    return root / ".cache" / "locks" / f"{hashlib.sha256(str(out.resolve()).encode()).hexdigest()[:16]}.lock"
 
 
 def notes(folder: Path) -> list[str]:
@@ -159,8 +168,8 @@ def refuse_foreign(out: Path) -> None:
 
 
 def _execute(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, out: Path,
-    threads: int, progress: Progress | None,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, talk: Path,
+    out: Path, threads: int, progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -169,6 +178,7 @@ def _execute(
     environment = {
         "GEOKALMAN_ROOT": str(root),
         "GEOKALMAN_OUT": str(record),
+        reports.VARIABLE: str(talk / "report"),
         "PYTHONHASHSEED": "0",
         "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
@@ -188,6 +198,12 @@ def _execute(
         def _connection_file_default(self) -> str:
             return str(work / "kernel.json")
 
+        def _transport_default(self) -> str:
+            return "ipc"
+
+        def _ip_default(self) -> str:
+            return str(talk / "s")
+
         def __init__(self, **kwargs: Any) -> None:
             super().__init__(**kwargs)
             _kernels.add(self)
@@ -196,7 +212,7 @@ def _execute(
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if progress and cell.cell_type == "code":
-            progress(index.get(cell.get("id"), 0) + 1, len(index))
+            progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
     logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
     try:
