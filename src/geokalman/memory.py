@@ -29,7 +29,8 @@ def available() -> float:
 
 def text(size: float) -> str:
     """Bytes for readers."""
-    return f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.0f} MB"
+    scale, unit = next((s, u) for s, u in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (0.0, "B")) if size >= s)
+    return f"{size / (scale or 1.0):.3g} {unit}"
 
 
 def _lines(path: Path) -> list[str]:

@@ -227,7 +227,9 @@ def _execute(
 
         return nbformat.read(work / "out.ipynb", as_version=4)
     except RuntimeError as error:  # nbclient's DeadKernelError is one
-        raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
+        raise ExecutionFailed(
+            f"FAILED {name}: the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes.", name
+        ) from error
     except OSError as error:
         with atomic.explained(out):
             raise error
@@ -263,7 +265,10 @@ def _first_error(notebook: NotebookNode) -> str | None:
         for output in cell.get("outputs", []):
             if output.output_type != "error":
                 continue
-            text = f"cell [{cell.execution_count}]: {output.ename}: {_ANSI.sub('', output.evalue)}"
+            said = _ANSI.sub("", output.evalue)
+            text = f"cell [{cell.execution_count}]: {output.ename}: {said}"
+            if output.ename in ("MemoryError", "_ArrayMemoryError"):
+                text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
             trace = _ANSI.sub("", "\n".join(output.traceback))
             arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
             lines = cell.source.splitlines()

@@ -28,7 +28,8 @@ def folder() -> Iterator[Path]:
         home = Path(tempfile.gettempdir())
         for old in home.glob(f"{_NAME}*"):
             with contextlib.suppress(OSError):
-                if old.lstat().st_uid == os.getuid() and not lives(old.name.removeprefix(_NAME).partition("-")[0]):
+                maker = old.name.removeprefix(_NAME).partition("-")[0]
+                if maker.isdigit() and not lives(maker) and old.lstat().st_uid == os.getuid():
                     shutil.rmtree(old)
         made = Path(tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=home))
     try:
