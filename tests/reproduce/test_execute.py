@@ -221,13 +221,17 @@ def edit_constant(root, code):
     path.write_text(path.read_text().replace("half = 0.5", code))
 
 
-def test_a_kernel_opens_no_port(toy):
-    """It is talked to over sockets of the file system, so it needs no loopback interface either."""
-    edit_constant(toy, "import psutil\nnb.record('ports', len(psutil.Process().net_connections('inet')))\n"
-                       "from ipykernel import get_connection_info\nprint(get_connection_info())")  # fmt: skip
+def test_a_kernel_is_talked_to_over_sockets_that_are_ours_alone(toy):
+    """Over files, so that it needs no loopback interface, and nobody else on the machine can listen."""
+    edit_constant(
+        toy,
+        "import json, os\nfrom ipykernel import get_connection_info\ntalk = get_connection_info(unpack=True)\n"
+        "folder = os.stat(os.path.dirname(talk['ip']))\nnb.record('mode', folder.st_mode & 0o777)\n"
+        "nb.record('ours', folder.st_uid == os.getuid())\nnb.record('files', talk['transport'] == 'ipc')",
+    )
     execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
-    assert json.loads((toy / "out" / "metrics.json").read_text())["ports"]["value"] == 0
-    assert '\\"transport\\": \\"ipc\\"' in (toy / "out" / "notebook.ipynb").read_text()
+    told = json.loads((toy / "out" / "metrics.json").read_text())
+    assert [told[key]["value"] for key in ("mode", "ours", "files")] == [0o700, True, True]
 
 
 def without_network() -> list[str]:

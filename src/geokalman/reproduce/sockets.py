@@ -1,4 +1,5 @@
-"""Where a kernel is talked to: sockets in a folder of this user's own. No network is needed and no port is opened."""
+"""Where a kernel is talked to: sockets in a folder of this user's own, so that no network is needed, nor its loopback
+interface, and no other user of the machine can listen."""
 
 from __future__ import annotations
 
