@@ -107,7 +107,14 @@ class Notebook:
     def expect(self, seconds: float) -> None:
         """Say beforehand that the notebook may take so long, where that is more than a minute."""
         if seconds > 60.0:
-            self._reporter.expect(f"may take {reports.duration(seconds)}, less where results of earlier runs are kept")
+            words = f"may take {reports.duration(seconds)}, less where results of earlier runs are kept"
+            self._reporter.expect(words)
+            if self._interactive:
+                print(f"This {words}.")
+
+    def track(self, items: Iterable[T], what: str) -> Iterator[T]:
+        """The items one by one, while the display shows the share of the loop that is done."""
+        return progress.track(list(items), what)
 
     def memo(self, function: Callable[..., T], ignore: Iterable[str] = ()) -> Callable[..., T]:
         """The function with its results kept on disk, keyed by arguments and code; see `memo.Memo`."""
