@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "geokalman"
 APPLICATIONS = {"grace", "attitude", "airborne", "radioastron", "pulsar"}
-GROUND = {"constants", "files", "reading", "style", "sources"}
+GROUND = {"constants", "files", "reading", "style", "sources", "compilation", "memory", "progress"}
 MODELS = {"physics", "leastsquares", "kalman"}
 ALLOWED = {
     **{application: {application} | MODELS | GROUND for application in APPLICATIONS},
@@ -24,13 +24,19 @@ ALLOWED = {
     "files": {"constants"},
     "reading": set(),
     "style": set(),
-    "sources": set(),
+    "sources": {"compilation"},
+    "compilation": set(),
+    "memory": set(),
+    "progress": set(),
     "": {"sources"},  # the package itself
 }
 OUTSIDE = {
     "kalman": {"numpy", "scipy", "numba"},
     "style": {"matplotlib"},
     "sources": set(),
+    "compilation": set(),
+    "memory": set(),
+    "progress": set(),
     "files": set(),
     "reading": set(),
     "constants": set(),

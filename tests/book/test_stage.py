@@ -243,6 +243,16 @@ def test_an_unchanged_book_is_left_alone_and_a_failing_one_leaves_the_last(toy_r
     assert (html.build(toy_root, strict=False) / "index.html").stat().st_ino != inode
 
 
+def test_a_damaged_and_a_deleted_page_are_made_anew(toy_root: Path) -> None:
+    stage.stage(toy_root)
+    book = html.build(toy_root)
+    before = tree(book)
+    page = book / f"{toybook.PAGE}.html"
+    page.write_text(page.read_text().replace("A wave", "A wane"))
+    (book / "index.html").unlink()
+    assert tree(html.build(toy_root)) == before
+
+
 def test_without_a_staged_book_there_is_nothing_to_build(toy_root: Path) -> None:
     with pytest.raises(html.BookError, match=r"holds no staged book"):
         html.build(toy_root)

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
+from geokalman import memory
 from geokalman.grace import model
 from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Observations, Scenario, Tuning, distance, kinematic, range_acceleration, range_rate
@@ -342,3 +343,14 @@ def test_a_prior_is_finite_symmetric_and_positive_definite():
         Observations(**series(prior_mean=np.r_[np.zeros(8), np.nan]))
     with pytest.raises(ValueError, match=r"prior_cov has the shape \(3, 3\), it must be \(9, 9\)"):
         Observations(**series(prior_cov=np.eye(3)))
+
+
+def test_more_epochs_than_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: 8e9)
+    sentence = (
+        "^A pair of orbits of 34560000001 epochs, with its filters, needs 104 TB of memory, and 8 GB are available; "
+        r"give fewer days or a longer dt\.$"
+    )
+    with pytest.raises(memory.TooLarge, match=sentence):
+        Scenario(days=400.0, dt=1e-3, h=1e-3)
+    assert Scenario(days=400.0).epochs == 1152001  # 3.5 GB

@@ -151,13 +151,15 @@ def make_toy(root: Path) -> Path:
     return root
 
 
-def command(root: Path, *words: str, wait: bool = True, **environment: str):
-    """Run `geokalman` in the clone, as a user would."""
+def command(root: Path, *words: str, wait: bool = True, preexec_fn=None, **environment: str):
+    """Run `geokalman` in the clone, as a user would; preexec_fn is called in the new process before."""
     env = {k: v for k, v in os.environ.items() if k not in ("GEOKALMAN_ROOT", "GEOKALMAN_OUT")} | environment
     start = [sys.executable, "-m", "geokalman.reproduce.cli", *words]
     if not wait:
         return subprocess.Popen(start, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        start, cwd=root, env=env, capture_output=True, text=True, timeout=900, preexec_fn=preexec_fn
+    )
 
 
 @pytest.fixture(scope="session")

@@ -3,16 +3,20 @@
 import json
 import os
 import re
+import resource
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import nbformat
 import numpy as np
 import pytest
 
-from geokalman.reproduce import blocks, execute, notebooks, page
+from geokalman.reproduce import atomic, blocks, execute, notebooks, page, reports
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
 
@@ -192,6 +196,116 @@ def test_interrupt_leaves_nothing_half_done(toy, geokalman):
     with pytest.raises(ProcessLookupError):  # the kernel is gone too
         time.sleep(0.2)
         os.kill(int((toy / "pid").read_text()), 0)
+
+
+def test_what_killed_runs_left_is_cleared_and_what_a_living_one_writes_is_not(toy):
+    folder = toy / "runs" / "toy" / "01-line"
+    for name in (".paper.partial-abcd1234", ".quick.partial-abcd1234", f".interactive.partial-{os.getpid()}"):
+        (folder / name).mkdir(parents=True)
+    (folder / ".quick.old-abcd1234").mkdir()
+    (toy / "elsewhere").mkdir()
+    (toy / "elsewhere" / ".theirs.partial-1").mkdir()
+    with atomic.locked(execute._lock_of(toy, folder / "paper")):
+        execute.run(toy, "toy/02-constant", out=toy / "elsewhere" / "mine", page=False)
+        assert sorted(p.name for p in folder.iterdir()) == [
+            f".interactive.partial-{os.getpid()}", ".paper.partial-abcd1234", "quick",
+        ]  # fmt: skip
+    assert (toy / "elsewhere" / ".theirs.partial-1").exists()  # no folder of ours
+    execute.sweep_runs(toy)
+    assert sorted(p.name for p in folder.iterdir()) == [f".interactive.partial-{os.getpid()}", "quick"]
+
+
+def edit_constant(root, code):
+    """Let the second toy notebook do something of its own."""
+    path = root / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("half = 0.5", code))
+
+
+def test_a_kernel_is_talked_to_over_sockets_that_are_ours_alone(toy):
+    """Over files, so that it needs no loopback interface, and nobody else on the machine can listen."""
+    edit_constant(
+        toy,
+        "import json, os\nfrom ipykernel import get_connection_info\ntalk = get_connection_info(unpack=True)\n"
+        "folder = os.stat(os.path.dirname(talk['ip']))\nnb.record('mode', folder.st_mode & 0o777)\n"
+        "nb.record('ours', folder.st_uid == os.getuid())\nnb.record('files', talk['transport'] == 'ipc')",
+    )
+    execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+    told = json.loads((toy / "out" / "metrics.json").read_text())
+    assert [told[key]["value"] for key in ("mode", "ours", "files")] == [0o700, True, True]
+
+
+def without_network() -> list[str]:
+    """Words before a command that take the network from it, the loopback interface too; none where not permitted."""
+    for words in (["unshare", "-n"], ["unshare", "-rn"]):
+        if shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0:
+            return words
+    return []
+
+
+@pytest.mark.skipif(not without_network(), reason="a process of its own network is not permitted here")
+def test_without_any_network_a_notebook_runs(toy):
+    command = [*without_network(), sys.executable, "-m", "geokalman.reproduce.cli", "run", "toy/02-constant"]
+    done = subprocess.run(command, cwd=toy, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert (toy / "runs" / "toy" / "02-constant" / "paper" / "page.html").is_file()
+
+
+def test_a_long_loop_tells_its_share_while_it_runs(toy):
+    edit_constant(toy, "import time, pathlib\nfrom geokalman import progress\nnb.expect(600.0)\n"
+                       "for k in progress.track(range(4), 'orbits'):\n"
+                       "    while k == 1 and not pathlib.Path('../../seen').exists():\n        time.sleep(0.05)")  # fmt: skip
+    reported: list[Path] = []
+    with ThreadPoolExecutor(1) as pool:
+        task = pool.submit(
+            execute.run, toy, "toy/02-constant", out=toy / "out", progress=lambda cell, cells, path: reported.append(path)
+        )
+        report: dict = {}
+        while report.get("share") != 0.25 and not task.done():
+            report = reports.read(reported[-1]) if reported else {}
+        (toy / "seen").touch()
+        task.result()
+    assert (report["what"], report["share"], report["left"] > 0) == ("orbits", 0.25, True)
+    assert report["expected"] == "may take about 10 min, less where results of earlier runs are kept"
+    assert "expect" not in json.dumps(json.loads((toy / "out" / "provenance.json").read_text())["notes"])
+
+
+@pytest.mark.parametrize("code, why", [
+    ("raise MemoryError", "cell [3]: memory ran out; give smaller sizes."),
+    ("import numpy as np; np.zeros(2**61)", "cell [3]: memory ran out (Unable to allocate "),
+])  # fmt: skip
+def test_memory_that_runs_out_is_one_sentence(toy, code, why):
+    edit_constant(toy, code)
+    with pytest.raises(ExecutionFailed) as caught:
+        execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+    assert str(caught.value).splitlines()[0].startswith(f"FAILED toy/02-constant: {why}")
+
+
+def test_a_kernel_that_the_system_kills_says_what_it_may_be(toy):
+    edit_constant(toy, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ExecutionFailed, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
+        execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+
+
+def test_locks_that_cannot_be_made_are_one_sentence(toy, geokalman):
+    (toy / ".cache").write_text("")
+    for words, lock in ((["run", "toy/02-constant"], "locks"), (["build"], "build.lock")):
+        done = geokalman(toy, *words)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        assert done.stderr.splitlines()[-1].startswith(f"geokalman: Cannot write {toy}/.cache/{lock}")
+        assert "a file stands where a folder is needed" in done.stderr
+
+
+def test_a_disk_without_a_byte_left_is_one_sentence(toy, geokalman):
+    """Every write of the command and of its kernel is refused, not one that is mocked."""
+
+    def full():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+    for words in (["run", "toy/02-constant"], ["build"]):
+        done = geokalman(toy, *words, preexec_fn=full)
+        assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+        assert "Cannot write" in done.stderr.splitlines()[-1]
+        assert not list(toy.rglob("*.partial-*"))
 
 
 def test_through_papermill_directly(toy):

@@ -1,5 +1,6 @@
 """The build: only what changed, failures apart, two at once, killed and resumed, and the same twice."""
 
+import hashlib
 import json
 import os
 import random
@@ -12,7 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from geokalman.files import CorruptedData
 from geokalman.reproduce import graph
+from geokalman.reproduce.errors import Fault
 
 
 def contents(root: Path) -> dict[str, bytes]:
@@ -97,6 +100,43 @@ def test_an_edited_module_makes_stale_what_imports_it(built, package_copy):
 
     before, after = keys(1), keys(2)
     assert len(before) == 2 and before[0] != after[0] and before[1] == after[1]
+
+
+@pytest.fixture
+def vendored(toy):
+    """A toy clone with one vendored file."""
+    (toy / "data" / "table.txt").write_text("1 2 3\n")
+    digest = hashlib.sha256(b"1 2 3\n").hexdigest()
+    (toy / "data" / "registry.json").write_text(json.dumps({"table.txt": {"sha256": digest, "script": "make.py"}}))
+    return toy
+
+
+@pytest.mark.parametrize(
+    "damage, sentence",
+    [
+        (lambda d: (d / "table.txt").write_text("1 2 4\n"), "table.txt has SHA-256 .*; restore it with: git checkout -- data/table.txt"),
+        (lambda d: (d / "table.txt").write_text(""), "table.txt has SHA-256 .*; restore it with: git checkout"),
+        (lambda d: (d / "table.txt").unlink(), "table.txt is missing; restore it with: git checkout -- data/table.txt"),
+        (lambda d: (d / "registry.json").write_text("{"), "registry.json is damaged: .*restore it with: git checkout"),
+        (lambda d: (d / "registry.json").write_text('{"table.txt": {}}'), "registry.json is damaged"),
+        (lambda d: (d / "registry.json").write_text('["table.txt"]'), "registry.json is damaged"),
+    ],
+)  # fmt: skip
+def test_damaged_data_stop_a_build_once_before_any_notebook(vendored, damage, sentence, capsys):
+    damage(vendored / "data")
+    with pytest.raises((Fault, CorruptedData), match=f"^{vendored}/data/{sentence}"):
+        graph.build(vendored)
+    assert capsys.readouterr().err == "" and not (vendored / "book" / "_build").exists()
+
+
+def test_sound_data_let_it_begin(vendored):
+    assert graph.build(vendored, html=False).executed == ["toy/01-line", "toy/02-constant"]
+
+
+def test_a_build_clears_what_killed_runs_left(copy, geokalman):
+    left = copy / "runs" / "toy" / "01-line" / ".paper.partial-abcd1234"
+    left.mkdir(parents=True)
+    assert geokalman(copy, "build", "--no-html").returncode == 0 and not left.exists()
 
 
 def test_the_locked_environment_counts(copy):

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from geokalman import progress
 from geokalman.airborne import assess, classical, simulate
 from geokalman.airborne.estimate import Estimate, Smoother, estimate
 from geokalman.airborne.model import Array, Tuning
@@ -82,7 +83,7 @@ def ensemble(
 ) -> list[list[Outcome]]:
     """Several seeds of `simulated`; executor : any concurrent.futures.Executor."""
     run = partial(_survey, scenario, tuning, coloured, tuple(fir), tuple(butter))
-    return monte_carlo(run, seeds, executor)
+    return monte_carlo(run, progress.track(seeds, "surveys"), executor)
 
 
 def six_line_means(runs: Sequence[Sequence[Outcome]], method: str, what: str = "D_raw") -> Array:

@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock
 
-from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters, reports, sockets
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -34,8 +33,8 @@ _THREADS = (
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: weakref.WeakSet[Any] = weakref.WeakSet()
 _working: set[Path] = set()
-Progress = Callable[[int, int], None]
-"""Called with (cell now running, number of code cells)."""
+Progress = Callable[[int, int, Path], None]
+"""Called with (cell now running, number of code cells, file of its reports)."""
 
 
 class ExecutionFailed(Fault):
@@ -69,10 +68,8 @@ def run(
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        locks = root / ".cache" / "locks"
-        locks.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
-    with lock:  # one writer of `out`, so that what another left unfinished there can be cleared
+    sweep_runs(root)
+    with atomic.locked(_lock_of(root, out)):  # one writer of `out`: what another left unfinished can be cleared
         return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
 
 
@@ -86,7 +83,8 @@ def _run_alone(
     _working.add(work)
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, out, threads, progress)
+        with sockets.folder() as talk:
+            executed = _execute(source, name, values, root, record, work, talk, out, threads, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -107,8 +105,7 @@ def _run_alone(
             from geokalman.reproduce import page as pages
 
             atomic.write_text(record / "page.html", pages.render(executed, root, name))
-        made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
-        told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
+        told |= {"key": key, "files": atomic.digests(record, "provenance.json")}
         atomic.write_json(record / "provenance.json", told)
         atomic.swap_folder(record, out)
         failed.unlink(missing_ok=True)
@@ -119,6 +116,18 @@ def _run_alone(
         shutil.rmtree(work, ignore_errors=True)
         _working.discard(work)
     return out
+
+
+def sweep_runs(root: Path) -> None:
+    """Clear what killed runs left in `runs/`; a run that lives holds its lock."""
+    for folder in (root / "runs").glob("*/*"):
+        for name in atomic.unfinished(folder):
+            with contextlib.suppress(OSError), FileLock(_lock_of(root, folder / name), timeout=0):
+                atomic.sweep(folder, name)
+
+
+def _lock_of(root: Path, out: Path) -> Path:
+    return root / ".cache" / "locks" / f"{hashlib.sha256(str(out.resolve()).encode()).hexdigest()[:16]}.lock"
 
 
 def notes(folder: Path) -> list[str]:
@@ -161,8 +170,8 @@ def refuse_foreign(out: Path) -> None:
 
 
 def _execute(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, out: Path,
-    threads: int, progress: Progress | None,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, talk: Path,
+    out: Path, threads: int, progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -171,6 +180,7 @@ def _execute(
     environment = {
         "GEOKALMAN_ROOT": str(root),
         "GEOKALMAN_OUT": str(record),
+        reports.VARIABLE: str(talk / "report"),
         "PYTHONHASHSEED": "0",
         "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
@@ -190,6 +200,12 @@ def _execute(
         def _connection_file_default(self) -> str:
             return str(work / "kernel.json")
 
+        def _transport_default(self) -> str:
+            return "ipc"
+
+        def _ip_default(self) -> str:
+            return str(talk / "s")
+
         def __init__(self, **kwargs: Any) -> None:
             super().__init__(**kwargs)
             _kernels.add(self)
@@ -198,7 +214,7 @@ def _execute(
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if progress and cell.cell_type == "code":
-            progress(index.get(cell.get("id"), 0) + 1, len(index))
+            progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
     logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
     try:
@@ -213,7 +229,9 @@ def _execute(
 
         return nbformat.read(work / "out.ipynb", as_version=4)
     except RuntimeError as error:  # nbclient's DeadKernelError is one
-        raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
+        raise ExecutionFailed(
+            f"FAILED {name}: the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes.", name
+        ) from error
     except OSError as error:
         with atomic.explained(out):
             raise error
@@ -249,7 +267,10 @@ def _first_error(notebook: NotebookNode) -> str | None:
         for output in cell.get("outputs", []):
             if output.output_type != "error":
                 continue
-            text = f"cell [{cell.execution_count}]: {output.ename}: {_ANSI.sub('', output.evalue)}"
+            said = _ANSI.sub("", output.evalue)
+            text = f"cell [{cell.execution_count}]: {output.ename}: {said}"
+            if output.ename in ("MemoryError", "_ArrayMemoryError"):
+                text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
             trace = _ANSI.sub("", "\n".join(output.traceback))
             arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
             lines = cell.source.splitlines()

@@ -23,6 +23,7 @@ import joblib
 from filelock import FileLock
 
 from geokalman import files, sources
+from geokalman.compilation import Hashing
 from geokalman.reproduce import atomic
 from geokalman.reproduce.errors import Fault
 
@@ -134,20 +135,8 @@ def _stable(value: Any) -> Any:
     return value
 
 
-class _Hashing:
-    """Stream that digests what passes to the one below."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self.stream = stream
-        self.digest = hashlib.sha256()
-
-    def write(self, data: Any) -> int:
-        self.digest.update(data)
-        return self.stream.write(data)
-
-
 def _write(stream: BinaryIO, result: Any) -> None:
-    hashing = _Hashing(stream)
+    hashing = Hashing(stream)
     hashing.write(_MAGIC)
     pickle.dump(result, hashing, protocol=5)  # type: ignore[arg-type]
     stream.write(hashing.digest.digest())
