@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geokalman import files
+from geokalman.reproduce import interrupt
 from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-_INTERRUPTED = 130
 _WIDE = 120  # characters of a line of text, at most
 _LONG = 16  # characters of a cell that its column does not grow for
 app = typer.Typer(
@@ -87,8 +87,6 @@ def run(
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
-    from concurrent.futures import ThreadPoolExecutor
-
     from geokalman.reproduce import execute, parameters
     from geokalman.reproduce.progress import Display
 
@@ -96,15 +94,8 @@ def run(
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
     folder = out if out is not None else execute.default_out(root, notebook, given, quick)
     execute.refuse_foreign(folder.resolve())
-    with Display() as display, display.notebook(notebook) as progress, ThreadPoolExecutor(1) as pool:
-        task = pool.submit(
-            execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress
-        )
-        try:  # in a thread, where Ctrl-C reaches us and not the event loop that talks to the kernel
-            folder = task.result()
-        except KeyboardInterrupt:
-            execute.stop_all()
-            raise
+    with Display() as display, display.notebook(notebook) as progress:
+        folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
         for note in execute.notes(folder):
             display.say(note)
     print(folder)
@@ -267,30 +258,31 @@ def _indented(text: str, width: int) -> str:
 
 def main() -> None:
     """Entry point of the command `geokalman`: faults are one sentence on standard error and an exit code."""
+    os.environ.setdefault("MPLBACKEND", "agg")  # nothing is shown, and windows want the main thread
+    message, code = interrupt.attended(_outcome)
+    sys.stdout.flush()
+    if message:
+        sys.stderr.write(f"{message if message.startswith('Usage') else f'geokalman: {message}'}\n")
+    sys.exit(code)
+
+
+def _outcome() -> tuple[str, int]:
+    """Run the command; gives what remains to be said and the exit code."""
     try:
         code = app(prog_name="geokalman", standalone_mode=False)  # gives the code of typer.Exit
+        sys.stdout.flush()
     except (Fault, files.ProjectNotFound, files.CorruptedData) as error:
-        _leave(str(error), getattr(error, "exit_code", 1))
-    except KeyboardInterrupt:
-        code = _INTERRUPTED
+        return str(error), getattr(error, "exit_code", 1)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
+        return "", 141
     except Exception as error:
         usage = getattr(error, "format_message", None)  # what click knows about wrong usage
         if usage is None:
             raise
         text = usage()
-        _leave(text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2)
-    if code == _INTERRUPTED:  # typer's own code for Ctrl-C
-        _leave("interrupted; what was finished stays.", _INTERRUPTED)
-    sys.exit(code or 0)
-
-
-def _leave(message: str, code: int) -> None:
-    sys.stdout.flush()
-    sys.stderr.write(f"{message if message.startswith('Usage') else f'geokalman: {message}'}\n")
-    sys.exit(code)
+        return text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2
+    return "", code or 0
 
 
 if __name__ == "__main__":

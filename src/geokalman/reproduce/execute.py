@@ -10,11 +10,8 @@ import logging
 import os
 import re
 import shutil
-import signal
 import sys
 import tempfile
-import time
-import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, children, notebooks, parameters
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -30,8 +27,6 @@ if TYPE_CHECKING:
 
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_kernels: weakref.WeakSet[Any] = weakref.WeakSet()
-_working: set[Path] = set()
 Progress = Callable[[int, int], None]
 """Called with (cell now running, number of code cells)."""
 
@@ -70,7 +65,7 @@ def run(
         locks = root / ".cache" / "locks"
         locks.mkdir(parents=True, exist_ok=True)
         lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
-    with lock:  # one writer of `out`, so that what another left unfinished there can be cleared
+    with lock, children.busy():  # one writer of `out`, so that what another left unfinished there can be cleared
         return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
 
 
@@ -81,7 +76,6 @@ def _run_alone(
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
         work = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    _working.add(work)
     try:
         record = work / "run"
         executed = _execute(source, name, values, root, record, work, out, threads, progress)
@@ -115,24 +109,12 @@ def _run_alone(
         raise
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        _working.discard(work)
     return out
 
 
 def notes(folder: Path) -> list[str]:
     """What the machinery had to say about a run (a damaged result made anew), kept out of the notebook itself."""
     return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
-
-
-def stop_all(patience: float = 10.0) -> None:
-    """Kill the kernels that this process started, and wait up to `patience` seconds until their folders are cleared."""
-    for kernel in list(_kernels):
-        if kernel.provisioner is not None and kernel.provisioner.pid:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(kernel.provisioner.pid, signal.SIGKILL)
-    end = time.monotonic() + patience
-    while _working and time.monotonic() < end:
-        time.sleep(0.05)
 
 
 def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
@@ -165,8 +147,11 @@ def _execute(
     import papermill
     from jupyter_client.kernelspec import KernelSpec
     from jupyter_client.manager import AsyncKernelManager
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
 
     environment = {
+        **os.environ,
         "GEOKALMAN_ROOT": str(root),
         "GEOKALMAN_OUT": str(record),
         "PYTHONHASHSEED": "0",
@@ -176,7 +161,8 @@ def _execute(
         **{variable: str(threads) for variable in _THREADS},
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
-    kernel = KernelSpec(argv=command, env=environment, display_name="Python 3", language="python", name="python3")
+    kernel = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
+    ended = contextlib.ExitStack()
 
     class Kernel(AsyncKernelManager):
         """The interpreter that runs us, whatever kernels are installed, its connection file beside the run."""
@@ -188,28 +174,36 @@ def _execute(
         def _connection_file_default(self) -> str:
             return str(work / "kernel.json")
 
-        def __init__(self, **kwargs: Any) -> None:
-            super().__init__(**kwargs)
-            _kernels.add(self)
+        async def start_kernel(self, **kwargs: Any) -> None:
+            # The environment goes in here, since what stands in a specification has its $NAME replaced.
+            await super().start_kernel(env=environment, **kwargs)
+            ended.enter_context(children.guarded(self.provisioner.pid))
 
+    # papermill puts the parameters in, but does not execute: it formats paths, which {} in them does not survive, and
+    # changes the working directory of the whole process, where another notebook may be running.
+    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
+    notebook = papermill.execute_notebook(
+        source, None, parameters=dict(values), kernel_name="python3", prepare_only=True
+    )
     index = {id_: k for k, id_ in enumerate(c["id"] for c in source.cells if c.cell_type == "code")}
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if progress and cell.cell_type == "code":
             progress(index.get(cell.get("id"), 0) + 1, len(index))
 
-    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
+    client = NotebookClient(
+        notebook, kernel_manager_class=Kernel, kernel_name="python3", on_cell_start=started, coalesce_streams=True,
+        resources={"metadata": {"path": str((root / "book" / name).parent)}},
+        startup_timeout=120, iopub_timeout=120, raise_on_iopub_timeout=True,
+    )  # fmt: skip
     try:
-        (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
-        return papermill.execute_notebook(
-            str(work / "in.ipynb"), str(work / "out.ipynb"), parameters=dict(values), kernel_name="python3",
-            progress_bar=False, cwd=str((root / "book" / name).parent), kernel_manager_class=Kernel,
-            on_cell_start=started, coalesce_streams=True, start_timeout=120, request_save_on_cell_execute=False,
-        )  # fmt: skip
-    except papermill.PapermillExecutionError:
-        import nbformat
-
-        return nbformat.read(work / "out.ipynb", as_version=4)
+        with ended, client.setup_kernel():
+            with contextlib.suppress(CellExecutionError):  # its output says what happened
+                for k, cell in enumerate(notebook.cells):
+                    client.execute_cell(cell, k)
+            told = client.wait_for_reply(client.kc.kernel_info())
+            notebook.metadata["language_info"] = told["content"]["language_info"]
+        return notebook
     except RuntimeError as error:  # nbclient's DeadKernelError is one
         raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
     except OSError as error:

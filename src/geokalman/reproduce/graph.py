@@ -21,7 +21,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from geokalman import files, sources
-from geokalman.reproduce import atomic, claims, execute, notebooks
+from geokalman.reproduce import atomic, children, claims, execute, notebooks
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.progress import Display
 
@@ -104,7 +104,7 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     try:
         outcome.failed = _run_tasks(tasks, workers, _oldest_first(root, names))
     except BaseException:  # Ctrl-C: no kernel outlives us
-        execute.stop_all()
+        children.stop()
         raise
     finally:
         outcome.executed.sort()

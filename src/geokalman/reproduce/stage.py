@@ -16,7 +16,7 @@ from pathlib import Path
 import nbformat
 from filelock import FileLock
 
-from geokalman.reproduce import contents, notebooks, pagefoot
+from geokalman.reproduce import children, contents, notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
 from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
@@ -65,7 +65,7 @@ def stage(root: Path) -> Path:
 def alone(target: Path) -> Iterator[None]:
     """Make a folder of `book/_build` while no other process does; what a killed one left there is cleared first."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(target.parent / ".book.lock"):
+    with FileLock(target.parent / ".book.lock"), children.busy():
         sweep(target.parent)
         try:
             yield
