@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from geokalman.reproduce.children import busy
 from geokalman.reproduce.errors import Fault
 
 _PARTIAL = ".partial-"
@@ -53,7 +54,7 @@ def open_whole(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
     `durable` waits until the disk has them, so that a power failure cannot leave an empty file under the name.
     """
     partial = partial_path(path)
-    with explained(path):
+    with explained(path), busy():
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with open(partial, "wb") as stream:

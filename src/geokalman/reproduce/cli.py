@@ -87,13 +87,13 @@ def run(
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
-    from geokalman.reproduce import execute, parameters
+    from geokalman.reproduce import execute, parameters, runfolder
     from geokalman.reproduce.progress import Display
 
     root = _root()
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
-    folder = out if out is not None else execute.default_out(root, notebook, given, quick)
-    execute.refuse_foreign(folder.resolve())
+    folder = runfolder.chosen(out if out is not None else execute.default_out(root, notebook, given, quick), root)
+    runfolder.refuse_foreign(folder)
     with Display() as display, display.notebook(notebook) as progress:
         folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
         for note in execute.notes(folder):
@@ -169,9 +169,11 @@ def compare(
 ) -> None:
     """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
     from geokalman.reproduce import compare as comparing
+    from geokalman.reproduce import runfolder
 
     root = _root()
     left = comparing.resolve(root, run, Path.cwd())
+    page = runfolder.chosen(out, root) if out is not None else left / "compare"
     found = comparing.compare(root, left, comparing.resolve(root, other, Path.cwd()) if other else None)
     print(f"left:  {found.left}\nright: {found.right}")
     for name, a, b in found.parameters:
@@ -179,7 +181,7 @@ def compare(
     _print_table(_console(), comparing.HEADER, [comparing.texts(row) for row in found.rows])
     moved = comparing.moved(found, rel)
     sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
-    print(comparing.write_page(found, out or left / "compare"))
+    print(comparing.write_page(found, page))
     if strict and moved:
         raise typer.Exit(1)
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, children, notebooks, parameters
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, runfolder
+from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -42,6 +42,7 @@ class ExecutionFailed(Fault):
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
     base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
+    replace: bool = False,
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
@@ -50,6 +51,7 @@ def run(
     page      write `page.html`, the run as one self-contained page
     threads   threads of the numerical libraries (default: all processors)
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
+    replace   remove whatever stands in `out`: the folder is the book's own
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
     """
@@ -58,7 +60,6 @@ def run(
     values = dict(specification.quick) if quick else {}
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
-    refuse_foreign(out)
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,6 +67,8 @@ def run(
         locks.mkdir(parents=True, exist_ok=True)
         lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
     with lock, children.busy():  # one writer of `out`, so that what another left unfinished there can be cleared
+        if not replace:
+            runfolder.refuse_foreign(out)
         return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
 
 
@@ -125,19 +128,6 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     if plain != text or len(plain) > 80:
         plain = f"{plain[:70]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     return root / "runs" / name / plain
-
-
-def refuse_foreign(out: Path) -> None:
-    """Raise Misuse where `out` is a file, or a folder with other things in it than a run."""
-    if out.is_dir():
-        inside = sorted(p.name for p in out.iterdir())
-        if inside and "provenance.json" not in inside:
-            raise Misuse(
-                f"{out} holds other things ({', '.join(inside[:3])}); "
-                "name a new or empty folder, or that of an earlier run."
-            )
-    elif out.exists():
-        raise Misuse(f"{out} is a file; a run is written into a folder: name a new one.")
 
 
 def _execute(

@@ -82,8 +82,9 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     def one(name: str) -> None:
         with display.notebook(name) as progress:
             folder = execute.run(
-                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name]
-            )
+                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name],
+                replace=True,
+            )  # fmt: skip
             _publish_metrics(root, name)
         for note in execute.notes(folder):
             display.say(f"{name}: {note}")

@@ -47,5 +47,12 @@ def attended(command: Callable[[], T]) -> T:
         # What the shell told us to ignore (Ctrl-C in the background) we do, but by a function: kernels inherit SIG_IGN.
         ignored = signal.getsignal(number) is signal.SIG_IGN
         signal.signal(number, (lambda *_: None) if ignored else leave)
+    # The system may give a signal to any thread. A byte in this pipe wakes the main one, whose part it is to handle it.
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    outcome.add_done_callback(lambda _: os.write(writing, b"\0"))
     threading.Thread(target=work, name="command", daemon=True).start()
+    while not outcome.done():
+        os.read(reading, 1)
     return outcome.result()

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geokalman import files
-from geokalman.reproduce import atomic, display, parameters, provenance
+from geokalman.reproduce import atomic, display, parameters, provenance, runfolder
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.memo import Memo
 
@@ -239,6 +239,8 @@ class Notebook:
     def finish(self) -> None:
         """Write the record whole into the run folder `out`; raises Fault, leaving what stood there, where it cannot."""
         self._open()
+        if self._interactive:
+            runfolder.refuse_foreign(self.out)
         described = {
             "notebook": self.name,
             "mode": self.mode,
