@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geokalman.reproduce import compare, graph, runfolder
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce import compare, execute, graph, runfolder
+from geokalman.reproduce.errors import Misuse
 from geokalman.reproduce.record import Notebook
 
 NAME = "toy/01-line"
@@ -40,20 +40,29 @@ def test_what_a_run_and_its_comparison_wrote_may_go(built, run):
 @pytest.mark.parametrize(
     "name", ["notes.txt", "figures/line.svg", "figures/other.csv", "mine/deep/x", "compare/notes.txt", "link", "loop"]
 )
-def test_a_file_of_the_users_is_not_removed(toy, geokalman, name):
-    assert geokalman(toy, "run", NAME, "--quick", "--out", "mine").returncode == 0
-    own = toy / "mine" / name
+def test_a_file_of_the_users_is_not_removed(built, run, geokalman, name):
+    own = run / name
     own.parent.mkdir(parents=True, exist_ok=True)
     if name in ("link", "loop"):
-        own.symlink_to("loop" if name == "loop" else toy / "book")  # a folder of others, and one that is none
+        own.symlink_to("loop" if name == "loop" else built / "book")  # to a folder, and to nothing
     else:
         own.write_text("mine")
-    done = geokalman(toy, "run", NAME, "--quick", "--out", "mine")
+    done = geokalman(built, "run", NAME, "--quick", "--out", str(run))
     assert done.returncode == 2 and done.stderr == (
-        f"geokalman: {toy / 'mine'} holds {name}, which we did not write and would remove; "
+        f"geokalman: {run} holds {name}, which we did not write and would remove; "
         "move that elsewhere, or name another folder.\n"
     )
     assert os.path.lexists(own)
+
+
+def test_a_run_is_replaced_but_not_one_that_got_a_file_meanwhile(toy):
+    """The folder is looked at again when its turn has come, since another run into it may have ended before."""
+    out = execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+    execute.run(toy, "toy/02-constant", {"value": 6.0}, out=out, page=False)
+    assert json.loads((out / "metrics.json").read_text())["quotient"]["value"] == 6.0
+    (out / "notes.txt").touch()
+    with pytest.raises(Misuse, match="out holds notes.txt"):
+        execute.run(toy, "toy/02-constant", out=out, page=False)
 
 
 def test_only_three_of_many_are_named(run):
@@ -104,7 +113,7 @@ def test_the_books_own_folders_are_replaced_whatever_stands_there(built, tmp_pat
         ("data/x", "is inside {root}/data, which"),
         (".cache/x", "is inside {root}/.cache, which"),
         ("link/x", "is inside {root}/book, which"),
-        ("loop/x", "cannot be reached: it is a link that leads to itself"),
+        ("loop/x", "loop/x cannot be reached ("),
         (".", "is where you stand and would be replaced"),
         ("..", "is where you stand and would be replaced"),
         ("/", "is where you stand and would be replaced"),
@@ -113,7 +122,7 @@ def test_the_books_own_folders_are_replaced_whatever_stands_there(built, tmp_pat
         ("a\x1b[31mb", "has a control character"),
         (os.fsdecode(b"a\xffb"), "has a control character or bytes that are no UTF-8"),
         ("README.md", "README.md is a file"),
-        ("x" * 300, "File name too long"),
+        ("x" * 600, "... cannot be reached (File name too long)"),
     ],
 )
 @pytest.mark.parametrize("words", [["run", NAME, "--quick"], ["compare", NAME]], ids=["run", "compare"])
@@ -205,7 +214,7 @@ def metric(value: object) -> Callable[[Path], None]:
 
 DAMAGES = {
     "provenance empty": (put("provenance.json", b""), "provenance.json is damaged (no whole JSON)"),
-    "provenance list": (put("provenance.json", b"[]"), "provenance.json is damaged (: Input should be"),
+    "provenance list": (put("provenance.json", b"[]"), "provenance.json is damaged (all: Input should be"),
     "provenance deep": (put("provenance.json", b"[" * 100000), "provenance.json is damaged (no whole JSON)"),
     "provenance binary": (put("provenance.json", b"\xff\xfe\x00"), "provenance.json is damaged (no whole JSON)"),
     "no notebook": (edit("provenance.json", lambda told: told.pop("notebook")), "(notebook: Field required)"),
@@ -217,7 +226,7 @@ DAMAGES = {
     "shape": (edit("provenance.json", lambda told: told["arrays"]["line.y"].update(shape=[7])), "its arrays are not"),
     "unit": (edit("provenance.json", lambda told: told["arrays"]["line.y"].update(unit=3)), "unit: Input should be"),
     "metrics cut": (put("metrics.json", b'{"line.mean": {"val'), "metrics.json is damaged (no whole JSON)"),
-    "metrics list": (put("metrics.json", b"[]"), "metrics.json is damaged (: Input should be"),
+    "metrics list": (put("metrics.json", b"[]"), "metrics.json is damaged (all: Input should be"),
     "number alone": (metric(3), "(line.mean: Input should be"),
     "text": (metric({"value": "3", "unit": ""}), "(line.mean, value: Input should be a valid number)"),
     "NaN": (put("metrics.json", b'{"a": {"value": NaN, "unit": ""}}'), "(a, value: Input should be a finite number)"),

@@ -29,7 +29,7 @@ def guarded(group: int) -> Iterator[None]:
     guard = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, **quiet)
     _groups.add(group)
     try:
-        _refuse_where_stopping()
+        check()
         yield
     finally:
         _kill(group)
@@ -41,7 +41,7 @@ def guarded(group: int) -> Iterator[None]:
 @contextmanager
 def started(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
     """A child process, guarded, in a session of its own: Ctrl-C at the terminal reaches us alone."""
-    _refuse_where_stopping()
+    check()
     with subprocess.Popen(command, start_new_session=True, **options) as process, guarded(process.pid):
         yield process
 
@@ -52,16 +52,22 @@ def busy() -> Iterator[None]:
 
     The errors of a block whose children `stop` has killed are no news: they become KeyboardInterrupt.
     """
-    _refuse_where_stopping()
+    check()
     token = object()
     _blocks.add(token)
     try:
         yield
     except Exception:
-        _refuse_where_stopping()
+        check()
         raise
     finally:
         _blocks.discard(token)
+
+
+def check() -> None:
+    """Raise KeyboardInterrupt where `stop` waits: for loops that are busy without a child."""
+    if _stopping.is_set():
+        raise KeyboardInterrupt
 
 
 def any_busy() -> bool:
@@ -69,10 +75,11 @@ def any_busy() -> bool:
     return bool(_blocks)
 
 
-def stop(patience: float = 10.0, ended: Callable[[], bool] | None = None) -> None:
+def stop(patience: float = 60.0, ended: Callable[[], bool] | None = None) -> None:
     """Kill our children, let no new ones start, and wait (at most `patience` seconds) until all busy blocks `ended`."""
     ended = ended or (lambda: not _blocks)
     end = time.monotonic() + patience
+    outermost = not _stopping.is_set()
     _stopping.set()
     try:
         while not ended() and time.monotonic() < end:
@@ -80,12 +87,8 @@ def stop(patience: float = 10.0, ended: Callable[[], bool] | None = None) -> Non
                 _kill(group)
             time.sleep(0.02)
     finally:
-        _stopping.clear()
-
-
-def _refuse_where_stopping() -> None:
-    if _stopping.is_set():
-        raise KeyboardInterrupt
+        if outermost:
+            _stopping.clear()
 
 
 def _kill(group: int) -> None:

@@ -14,7 +14,7 @@ import typer
 
 from geokalman import files
 from geokalman.reproduce import interrupt
-from geokalman.reproduce.errors import Fault
+from geokalman.reproduce.errors import Fault, is_plain
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,7 +28,10 @@ app = typer.Typer(
 
 
 def _root() -> Path:
-    return files.project_root()
+    root = files.project_root()
+    if not is_plain(str(root)):
+        raise Fault(f"The clone's path {str(root)!r} has a control character or bytes that are no UTF-8; rename it.")
+    return root
 
 
 @app.callback()

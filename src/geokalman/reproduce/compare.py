@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from geokalman.reproduce import atomic, children, claims, display, graph, notebooks, overlay, reference, runfolder
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.errors import Fault, Misuse, shown
 
 
 class Row(NamedTuple):
@@ -49,7 +49,7 @@ def resolve(root: Path, word: str, base: Path) -> Path:
         if (folder / "provenance.json").is_file():
             return folder
         raise Misuse(f"{word} has no run in the book yet; make book executes it, or name the folder of a run.")
-    raise Misuse(f"{word} is no folder of a run and no notebook; geokalman run prints the name of one last.")
+    raise Misuse(f"{shown(word)} is no folder of a run and no notebook; geokalman run prints the name of one last.")
 
 
 def compare(root: Path, left: Path, right: Path | None) -> Comparison:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geokalman.reproduce import contents
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.errors import Fault, Misuse, shown
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -33,8 +33,7 @@ def source_path(root: Path, name: str) -> Path:
     known = names(root)
     near = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.7) or [n for n in known if n.rpartition("/")[2] in name]
     hint = f"did you mean {' or '.join(near[:3])}?" if near else "geokalman list names them."
-    shown = name if len(name) <= 80 else f"{name[:77]}..."
-    raise Misuse(f"{shown!r} is no notebook of the book in {root}; {hint}")
+    raise Misuse(f"{shown(repr(name), 100)} is no notebook of the book in {root}; {hint}")
 
 
 def _pages(root: Path) -> dict[str, Path]:

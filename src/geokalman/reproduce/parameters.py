@@ -8,7 +8,6 @@ import math
 import numbers
 import re
 import tokenize
-import unicodedata
 from collections.abc import Mapping, Sequence
 from io import StringIO
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 from geokalman.reproduce import notebooks, yamltext
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.errors import Fault, Misuse, is_plain, shown
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -146,7 +145,7 @@ class Parameter(BaseModel):
         about = f" ({self.help})" if self.help else ""
         kind = "folder" if folder else "file"
         raise Misuse(
-            f"{self.name}={_word(value)}: {_word(str(path))} {what}; "
+            f"{self.name}={shown(value)}: {shown(str(path))} {what}; "
             f"{self.name} must be the path of an existing {kind}{about}."
         )
 
@@ -156,22 +155,8 @@ class Parameter(BaseModel):
         return Misuse(f"{self.name}{place}={_show(value)} is {why}; {self.name} must be {self.wanted}{about}.")
 
 
-def is_plain(text: str) -> bool:
-    """Can the text stand in one line of any file: no control characters, no bytes that were no UTF-8?"""
-    return not any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
-
-
 def _show(value: Any) -> str:
-    return _cut(repr(value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value), 60)
-
-
-def _word(text: str) -> str:
-    """A word of the command line as it may stand in a message of one line."""
-    return _cut(text if text.isprintable() else repr(text), 400)
-
-
-def _cut(text: str, length: int) -> str:
-    return text if len(text) <= length else text[: length - 3] + "..."
+    return shown(repr(value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value), 60)
 
 
 class Specification(BaseModel):
@@ -199,7 +184,7 @@ class Specification(BaseModel):
         near = difflib.get_close_matches(name, self.parameters, n=1)
         hint = f" (did you mean {near[0]}?)" if near else ""
         valid = ", ".join(self.parameters) or "none"
-        return Misuse(f"{_word(name)} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
+        return Misuse(f"{shown(name)} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
 
     def changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The values that differ from the paper-scale ones."""
@@ -223,7 +208,7 @@ class Specification(BaseModel):
             if name not in self.parameters:
                 raise self.unknown(name)
             if name in given:
-                raise Misuse(f"{name} is given twice ({_word(word)} is the second); give it once.")
+                raise Misuse(f"{name} is given twice ({shown(word)} is the second); give it once.")
             given[name] = _parse_value(text, self.parameters[name])
         return self.check(given, base)
 
@@ -236,7 +221,7 @@ def _parse_value(text: str, parameter: Parameter) -> Any:
             return text
         why = str(error).removeprefix("line 1: ")
         raise Misuse(
-            f"{parameter.name}={_word(text)} is no YAML value ({why}); {parameter.name} must be {parameter.wanted}."
+            f"{parameter.name}={shown(text)} is no YAML value ({why}); {parameter.name} must be {parameter.wanted}."
         ) from error
     if parameter.kind == "str" and not parameter.many and not isinstance(value, str):
         return None if value is None and parameter.optional else text

@@ -6,14 +6,14 @@ import itertools
 import json
 import os
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from geokalman.reproduce.errors import Misuse
-from geokalman.reproduce.parameters import is_plain
+from geokalman.reproduce.errors import Misuse, is_plain, shown
 
 _PROVENANCE = "provenance.json"
 _PARTS = {_PROVENANCE, "arrays.npz", "metrics.json", "notebook.ipynb", "page.html"}
@@ -76,8 +76,8 @@ def _read_json(folder: Path, name: str, form: Any) -> Any:
         raise _no_run(folder, error) from error
     except ValidationError as error:
         problem = error.errors(include_input=False)[0]
-        place = ", ".join(word if is_plain(word) else repr(word) for word in map(str, problem["loc"]))
-        raise _damaged(folder / name, f"{place}: {problem['msg']}") from error
+        place = ", ".join(shown(str(word), 60) for word in problem["loc"])
+        raise _damaged(folder / name, f"{place or 'all'}: {problem['msg']}") from error
     except (ValueError, RecursionError) as error:
         raise _damaged(folder / name, "no whole JSON") from error
     return value
@@ -120,7 +120,7 @@ def refuse_foreign(folder: Path) -> None:
         inside = sorted(p.name for p in folder.iterdir() if p.name not in _LITTER)
         if inside and _PROVENANCE not in inside:
             raise Misuse(
-                f"{folder} holds other things ({', '.join(inside[:3])}); "
+                f"{folder} holds other things ({', '.join(map(shown, inside[:3]))}); "
                 "name a new or empty folder, or that of an earlier run."
             )
         if inside:
@@ -136,7 +136,7 @@ def refuse_others(folder: Path, known: Collection[str]) -> None:
     other = list(itertools.islice(_others(folder, known), 4))
     if other:
         raise Misuse(
-            f"{folder} holds {', '.join(other[:3])}{' and more' * (len(other) > 3)}, which we did not write and would "
+            f"{folder} holds {', '.join(map(shown, other[:3]))}{' and more' * (len(other) > 3)}, which we did not write and would "
             "remove; move that elsewhere, or name another folder."
         )
 
@@ -155,8 +155,11 @@ def chosen(out: Path, root: Path) -> Path:
     """The folder that a user names for a run or a page, absolute; raises Misuse for one that must not be replaced."""
     try:
         folder = out.resolve()
-    except RuntimeError as error:
-        raise Misuse(f"{out} cannot be reached: it is a link that leads to itself; name another folder.") from error
+        with suppress(FileNotFoundError, NotADirectoryError):
+            folder.stat()
+    except (OSError, RuntimeError) as error:  # RuntimeError: a loop of links
+        why = getattr(error, "strerror", None) or "a link that leads to itself"
+        raise Misuse(f"{shown(str(out))} cannot be reached ({why}); name another folder.") from error
     if not is_plain(str(folder)):
         raise Misuse(f"{str(folder)!r} has a control character or bytes that are no UTF-8; name another folder.")
     if Path.cwd().is_relative_to(folder):

@@ -49,6 +49,7 @@ def stage(root: Path) -> Path:
         new.mkdir()
         _copy_assets(book, new)
         for page in pages:
+            children.check()
             target = new / page
             target.parent.mkdir(parents=True, exist_ok=True)
             if page in runs:
