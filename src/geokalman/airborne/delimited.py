@@ -13,7 +13,7 @@ import numpy as np
 
 from geokalman import reading
 from geokalman.airborne.columns import (
-    LABELS, Table, as_numbers, blanked, column_name, is_number, is_ruler, is_value, line_number,
+    LABELS, Table, blanked, column_name, is_number, is_ruler, is_value, line_number,
 )  # fmt: skip
 from geokalman.airborne.layout import is_unit
 from geokalman.reading import Place

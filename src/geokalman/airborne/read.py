@@ -16,7 +16,7 @@ import numpy as np
 
 from geokalman.airborne import checks, quality
 from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout
+from geokalman.airborne.layout import LAYOUTS, Layout
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.tables import read_table
 from geokalman.files import data_path
