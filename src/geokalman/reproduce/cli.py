@@ -84,7 +84,9 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run (default: under runs/).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Start from the quick values.")] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
+    threads: Annotated[
+        int, typer.Option(min=1, help="Threads of the numerical libraries; the book's numbers are those of one.")
+    ] = 1,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
     from concurrent.futures import ThreadPoolExecutor
@@ -215,11 +217,30 @@ def reference(
     notebook: Annotated[list[str] | None, typer.Argument(metavar="[NB]...", help="Notebooks (default: all).")] = None,
     quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
 ) -> None:
-    """Renew the stored references from the book's runs and from quick runs, and show what moved."""
+    """Renew the stored references from the book's runs and from runs in other computing settings; show what moved."""
     from geokalman.reproduce import renewal
 
     moved = renewal.renew(_root(), reason, notebook or None, quick)
     print(f"{moved} numbers moved or are new")
+
+
+@app.command()
+def portable(
+    notebook: Annotated[list[str] | None, typer.Argument(metavar="[NB]...", help="Notebooks (default: all).")] = None,
+    quick: Annotated[bool, typer.Option(help="At the quick scale too.")] = True,
+) -> None:
+    """Compute notebooks in every setting of this machine and widen the stored spreads to what is seen."""
+    from geokalman.reproduce import renewal
+
+    print(f"{renewal.widen(_root(), notebook or None, quick)} numbers beyond their tolerance so far")
+
+
+@app.command()
+def setting(name: Annotated[str, typer.Argument(help="native, avx2 or no-fma.")]) -> None:
+    """Print a computing setting as environment variables: env $(geokalman setting no-fma) make check."""
+    from geokalman.reproduce import settings
+
+    print(" ".join(f"{key}={value}" for key, value in settings.environment(name).items()))
 
 
 @app.command("notebooks")

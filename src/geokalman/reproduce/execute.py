@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, notebooks, parameters
+from geokalman.reproduce import atomic, blocks, notebooks, parameters, settings
 from geokalman.reproduce.errors import Fault, Misuse
 
 if TYPE_CHECKING:
@@ -46,14 +46,16 @@ class ExecutionFailed(Fault):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
+    base: Path | None = None, threads: int = 1, setting: str = settings.NATIVE, progress: Progress | None = None,
+    key: str = "",
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
     given     parameter values; a path among them is relative to `base` (default: the working directory)
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
-    threads   threads of the numerical libraries (default: all processors)
+    threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
+    setting   computing setting, by name
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
@@ -65,18 +67,19 @@ def run(
     out = Path(out).resolve()
     refuse_foreign(out)
     failed = out.with_name(f"{out.name}.failed.ipynb")
+    environment = settings.environment(setting) | {variable: str(threads) for variable in _THREADS}
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         locks = root / ".cache" / "locks"
         locks.mkdir(parents=True, exist_ok=True)
         lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
     with lock:  # one writer of `out`, so that what another left unfinished there can be cleared
-        return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
+        return _run_alone(source, name, values, root, out, failed, page, environment, progress, key)
 
 
 def _run_alone(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool,
-    threads: int, progress: Progress | None, key: str,
+    environment: Mapping[str, str], progress: Progress | None, key: str,
 ) -> Path:  # fmt: skip
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
@@ -84,7 +87,7 @@ def _run_alone(
     _working.add(work)
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, out, threads, progress)
+        executed = _execute(source, name, values, root, record, work, out, environment, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -160,7 +163,7 @@ def refuse_foreign(out: Path) -> None:
 
 def _execute(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, out: Path,
-    threads: int, progress: Progress | None,
+    setting: Mapping[str, str], progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -173,7 +176,7 @@ def _execute(
         "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        **{variable: str(threads) for variable in _THREADS},
+        **setting,
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
     kernel = KernelSpec(argv=command, env=environment, display_name="Python 3", language="python", name="python3")
