@@ -166,10 +166,11 @@ def store(root: Path, folders: Mapping[str, Path], moves: bool = True) -> list[r
 def spread(seen: Sequence[Any], known: Mapping[str, Any]) -> dict[str, float]:
     """Spread of the values (or samples of an array) seen, and the largest magnitude where they are rounding; never
     below what is known."""
-    values = np.ma.masked_invalid(np.array(seen, dtype=float).reshape(len(seen), -1))
-    widest = max(float(np.ma.filled(np.ptp(values, axis=0), 0.0).max(initial=0.0)), known.get("spread", 0.0))
-    largest = max(float(np.ma.filled(np.abs(values), 0.0).max(initial=0.0)), known.get("largest", 0.0))
-    rounding = tolerance.is_rounding(float(np.ma.filled(np.abs(values[0]), 0.0).max(initial=0.0)), widest)
+    values = np.array(seen, dtype=float).reshape(len(seen), -1)
+    values = values[:, np.isfinite(values).all(axis=0)]
+    widest = max(float(np.ptp(values, axis=0).max(initial=0.0)), known.get("spread", 0.0))
+    largest = max(float(np.abs(values).max(initial=0.0)), known.get("largest", 0.0))
+    rounding = tolerance.is_rounding(float(np.abs(values[0]).max(initial=0.0)), widest)
     return {"spread": widest} | ({"largest": largest} if rounding else {})
 
 
