@@ -7,6 +7,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -160,12 +162,26 @@ def command(root: Path, *words: str, wait: bool = True, **environment: str):
     if not wait:
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         return subprocess.Popen(start, cwd=root, env=env, text=True, preexec_fn=_heeding_interrupts, **pipes)
-    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True, timeout=300)
+    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True)
 
 
 def _heeding_interrupts() -> None:
     """A child of a background job inherits that SIGINT is ignored; a user's terminal starts it otherwise."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@pytest.fixture(scope="session")
+def wait_for():
+    """Function that waits for an event, however slow the machine; fails where the process that makes it ended."""
+
+    def wait(happened: Callable[[], object], process: subprocess.Popen | None = None) -> None:
+        end = time.monotonic() + 900  # something hangs
+        while not happened():
+            assert process is None or process.poll() is None, process.communicate()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+    return wait
 
 
 @pytest.fixture(scope="session")

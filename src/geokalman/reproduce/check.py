@@ -12,11 +12,12 @@ from geokalman.reproduce.errors import Fault
 
 @dataclass
 class Report:
-    """What was held against what, and every problem in one sentence."""
+    """What was held against what, how many claims are near a threshold, and every problem in one sentence."""
 
     numbers: int = 0
     anchors: int = 0
     claims: int = 0
+    near: int = 0
     problems: list[str] = field(default_factory=list)
 
 
@@ -116,6 +117,7 @@ def _check_claims(root: Path, paper: str, report: Report) -> None:
         report.problems.append(str(error))
         return
     report.claims += len(judgements)
+    report.near += sum(j.is_near for j in judgements)
     for j in judgements:
         if not j.as_expected:
             now = j.verdict or "not computed"

@@ -117,6 +117,7 @@ def claims(
     paper: Annotated[str | None, typer.Argument(help="A paper (default: all).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON, a list of claims.")] = False,
     readme: Annotated[bool, typer.Option("--readme", help="Write the summary into README.md.")] = False,
+    near: Annotated[bool, typer.Option("--near", help="Only claims within 2 % of a threshold.")] = False,
 ) -> None:
     """The ledger: what each paper prints, our number, and the verdict."""
     from geokalman.reproduce import atomic, claims, contents
@@ -130,15 +131,16 @@ def claims(
         return
     width = min(_console().width, _WIDE)
     for name in wanted:
-        judgements = claims.judge_paper(root, name)
+        judgements = [j for j in claims.judge_paper(root, name) if not near or j.is_near]
         print(f"{contents.title(root, name + '/index')}\n")
         for judgement in judgements:
             says, printed, ours, verdict, why = claims.row(judgement)
             if not judgement.as_expected:
                 verdict += f" (expected {judgement.claim.verdict})"
             print(f"{judgement.claim.id}: {verdict}")
+            distance = f"{100 * judgement.margin:.2g} % from its threshold" if judgement.is_near else ""
             numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)
-            for text in filter(None, (says, numbers, why)):
+            for text in filter(None, (says, numbers, distance, why)):
                 print(_indented(text, width))
 
 
@@ -204,8 +206,8 @@ def check() -> None:
     for problem in report.problems:
         sys.stderr.write(f"{problem}\n")
     print(
-        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: "
-        f"{len(report.problems)} problems"
+        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims "
+        f"({report.near} near a threshold): {len(report.problems)} problems"
     )
     if report.problems:
         raise typer.Exit(1)

@@ -9,6 +9,7 @@ holds the numbers of the specification that ours must meet.
 from __future__ import annotations
 
 import json
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -118,8 +119,7 @@ def differences(root: Path, folder: Path, mode: str | None = None) -> list[Diffe
             unit = metrics[key]["unit"] if key in metrics else told["arrays"][key]["unit"]
             found.append(Difference(key, None, ours, unit, "", "not in the reference"))
             continue
-        guard = next((g.tolerance for g in declared if g.covers(name, mode, key)), None)
-        allowed = guard or tolerance_of(key, entry, samples.get(key))
+        allowed = _allowed(declared, name, mode, key, entry, samples)[1]
         if "shape" in entry:
             found.append(_array_difference(key, entry, allowed, samples.get(key), arrays.get(key)))
         else:
@@ -127,13 +127,32 @@ def differences(root: Path, folder: Path, mode: str | None = None) -> list[Diffe
     return found
 
 
-def tolerance_of(key: str, entry: Mapping[str, Any], samples: np.ndarray | None = None) -> Tolerance:
-    """Tolerance of a stored number or array by the rule; raises Fault where the entry lacks what it needs."""
+def _allowed(
+    declared: Iterable[Guard], name: str, mode: str, key: str, entry: Mapping[str, Any], samples: Mapping[str, Any]
+) -> tuple[str, Tolerance]:
+    """How a stored number or array is guarded, in words, and its tolerance: a declared one, else by the rule."""
+    for guard in declared:
+        if guard.covers(name, mode, key):
+            return "a declared bound" if not guard.tolerance.none else "nothing, as declared", guard.tolerance
     try:
-        value = _largest(samples) if "shape" in entry else entry["value"]
-        return tolerance.by_rule(value, entry["spread"], entry.get("largest"))
+        value = _largest(samples[key]) if "shape" in entry else entry["value"]
+        found = tolerance.by_rule(value, entry["spread"], entry.get("largest"))
     except KeyError as error:
         raise Fault(f"the stored reference of {key} is malformed: it has no {error}.") from error
+    return "a size (rounding)" if found.size is not None else f"a relative difference of {found.rel:.0e}", found
+
+
+def kinds(root: Path) -> dict[str, Counter[str]]:
+    """How many stored numbers and arrays are guarded by which kind of tolerance: kind -> scale -> number."""
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
+    for path in sorted((root / "tests" / "reference").glob("*/*.json")):
+        stem, _, quick = path.stem.partition(".")
+        name, mode = f"{path.parent.name}/{stem}", quick or "paper"
+        declared = guards(root, path.parent.name)
+        entries, samples = load(root, name, mode)
+        for key, entry in entries.items():
+            counts[_allowed(declared, name, mode, key, entry, samples)[0]][mode] += 1
+    return counts
 
 
 def _number_difference(
