@@ -14,7 +14,7 @@ def test_list(built, geokalman):
 
 def test_listing_loads_no_heavy_library(built):
     """What makes the command answer within a second, told without a clock."""
-    heavy = {"numpy", "matplotlib", "papermill", "numba", "jupytext", "pydantic"}
+    heavy = {"numpy", "matplotlib", "papermill", "numba", "jupytext"}
     code = (
         "import sys; from geokalman.reproduce import cli\nsys.argv = ['geokalman', 'list']\n"
         f"try: cli.main()\nexcept SystemExit: pass\nprint(*{heavy} & set(sys.modules))"
