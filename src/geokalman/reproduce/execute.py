@@ -207,7 +207,7 @@ def _execute(
         return papermill.execute_notebook(
             str(work / "in.ipynb"), str(work / "out.ipynb"), parameters=dict(values), kernel_name="python3",
             progress_bar=False, cwd=str((root / "book" / name).parent), kernel_manager_class=Kernel,
-            on_cell_start=started, coalesce_streams=True, start_timeout=120, request_save_on_cell_execute=False,
+            on_cell_start=started, coalesce_streams=True, start_timeout=900, request_save_on_cell_execute=False,
         )  # fmt: skip
     except papermill.PapermillExecutionError:
         import nbformat
