@@ -17,7 +17,7 @@ OUT ?=
 REASON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
+.PHONY: help env book test check reference portable run notebooks lab bench coverage picture lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -37,9 +37,12 @@ check: ## paper-scale results against stored references and claims; the built bo
 	$(BIN)/geokalman check
 	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m browser tests/book
 
-reference: env ## renew the stored references, print what changed: make reference REASON="why" [NB=paper/notebook]
+reference: env ## renew the stored references in all computing settings, print what changed: make reference REASON="why" [NB=paper/notebook]
 	@test -n "$(REASON)" || { echo 'A renewed reference needs a reason, as in: make reference REASON="why the numbers moved"'; exit 2; }
 	@$(BIN)/geokalman reference --reason "$(REASON)" $(NB)
+
+portable: env ## compute in all settings of this machine and widen the stored spreads: make portable [NB=paper/notebook]
+	@$(BIN)/geokalman portable $(NB)
 
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
 	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }

@@ -507,7 +507,7 @@ def test_the_whole_way_through_files(short, folder, tuning):
         assert np.abs(back.raw[s].t_gyro - short.raw[s].t_gyro).max() < 6e-7  # tags are printed to a microsecond
         same = np.isfinite(short.raw[s].q_camera)
         np.testing.assert_array_equal(back.raw[s].q_camera[same], short.raw[s].q_camera[same])
-        np.testing.assert_allclose(back.raw[s].q_qsa, short.raw[s].q_qsa, atol=1e-15)
+        np.testing.assert_allclose(back.raw[s].q_qsa, short.raw[s].q_qsa, atol=2e-15)
         one, two = flights.solve(short, s, tuning, ("mekf",)), flights.solve(back, s, tuning, ("mekf",))
         assert np.nanmax(np.abs(difference(one.solutions["mekf"].q, two.solutions["mekf"].q))) < 2e-9
         np.testing.assert_allclose(back.accelerations[s], 1e-8)
@@ -592,7 +592,7 @@ def test_files_are_filtered_at_2_hz(tmp_path, short, tuning, offset):
 def test_the_synthetic_fixture_of_the_older_layout():
     sca = read_grace(FIXTURES / "SCA1B_2003-09-14_A_00.asc")
     np.testing.assert_array_equal(sca["gps_time"], 116769600 + 5 * np.arange(6))
-    np.testing.assert_allclose(sca["quatangle"], np.cos(0.01 * np.arange(6)), atol=1e-15)
+    np.testing.assert_allclose(sca["quatangle"], np.cos(0.01 * np.arange(6)), atol=2e-15)
     assert sca.header["SATELLITE NAME"] == "GRACE A"
     kbr = read_grace(FIXTURES / "KBR1B_2003-09-14_X_00.asc", "KBR1B")
     np.testing.assert_array_equal(kbr["biased_range"], 1000.0 - 0.5 * np.arange(4))

@@ -9,10 +9,11 @@ import shutil
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
 import toybook
 
-from geokalman.reproduce import blocks, contents, html, stage
+from geokalman.reproduce import blocks, contents, html, reference, stage
 from geokalman.reproduce.errors import Fault
 
 RUN = Path("book/_build/runs") / toybook.PAGE
@@ -145,6 +146,36 @@ def test_a_block_is_called_rightly_or_refused(toy_root: Path) -> None:
         blocks.fill("<!-- verdicts -->", toy_root)
     with pytest.raises(Fault, match=r"write <!-- run-times -->"):
         blocks.fill("<!-- run-times: toy -->", toy_root)
+
+
+def test_claims_near_their_threshold_are_listed(toy_root: Path) -> None:
+    path = toy_root / "book/toy/claims.yml"
+    given = path.read_text()
+    path.write_text(given.replace("rel: 0.01", "rel: 0.05"))
+    assert "Table 1: the rms" not in blocks.fill("<!-- near-claims -->", toy_root)
+    path.write_text(given.replace("printed: 0.7071", "printed: 0.7"))
+    listed = blocks.fill("<!-- near-claims -->", toy_root)
+    assert "| Table 1: the rms of the wave" in listed and "| reproduced | 0.016 % |" in listed
+    assert listed.startswith("\n```{table} Claims within 2 % of the threshold that decides them.\n:name: claims-near")
+
+
+def test_kinds_of_guards_are_counted(toy_root: Path) -> None:
+    path = reference.path_of(toy_root, "toy/01-wave", "quick")
+    path.parent.mkdir(parents=True)
+    np.savez(path.with_suffix(".npz"), x=np.ones(3))
+    rounding = {"value": 1e-16, "unit": "m", "spread": 1e-16, "largest": 2e-16}
+    array = {"shape": [3], "stride": 1, "unit": "m", "spread": 1e-8}
+    path.write_text(
+        json.dumps({"a": {"value": 1.0, "unit": "m", "spread": 0.0}, "b": rounding, "c": rounding, "x": array})
+    )
+    (path.parent / "guards.yml").write_text("- {notebook: toy/01-wave, key: c, none: true, why: an argument}\n")
+    lines = blocks.fill("<!-- guards -->", toy_root).strip().splitlines()[2:]
+    assert lines == [
+        "| a relative difference of 1e-06 | 0 | 1 |",
+        "| a relative difference of 1e-09 | 0 | 1 |",
+        "| a size (rounding) | 0 | 1 |",
+        "| nothing, as declared | 0 | 1 |",
+    ]
 
 
 def test_run_times_and_the_package_list(toy_root: Path) -> None:

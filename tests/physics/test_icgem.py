@@ -115,10 +115,10 @@ def test_unnormalised_coefficients_are_normalised_by_the_factorials(tmp_path):
     def factor(n, m):
         return math.sqrt((2 - (m == 0)) * (2 * n + 1) * math.factorial(n - m) / math.factorial(n + m))
 
-    assert field.C[2, 0] == pytest.approx(-J2 / math.sqrt(5.0), rel=1e-15)
-    assert field.C[2, 1] == pytest.approx(C21 / factor(2, 1), rel=1e-15)
-    assert field.C[2, 2] == pytest.approx(C22 / factor(2, 2), rel=1e-15)
-    assert field.S[2, 2] == pytest.approx(S22 / factor(2, 2), rel=1e-15)
+    assert field.C[2, 0] == pytest.approx(-J2 / math.sqrt(5.0), rel=2e-15)
+    assert field.C[2, 1] == pytest.approx(C21 / factor(2, 1), rel=2e-15)
+    assert field.C[2, 2] == pytest.approx(C22 / factor(2, 2), rel=2e-15)
+    assert field.S[2, 2] == pytest.approx(S22 / factor(2, 2), rel=2e-15)
 
 
 def test_unnormalised_beyond_float64_is_refused(tmp_path):
@@ -139,7 +139,7 @@ def test_time_variable_coefficient_at_an_epoch(tmp_path):
     field = read_gfc(gfc(tmp_path, VARIABLE), epoch=datetime.date(2007, 4, 2))
     years = (datetime.date(2007, 4, 2) - datetime.date(2005, 1, 1)).days / 365.25
     wanted = -4.8e-4 + 1.1e-11 * years + 4e-11 * math.cos(2 * math.pi * years) + 5e-11 * math.sin(4 * math.pi * years)
-    assert field.C[2, 0] == pytest.approx(wanted, rel=1e-15)
+    assert field.C[2, 0] == pytest.approx(wanted, rel=2e-15)
     assert field.C[2, 0] != -4.8e-4
 
 
@@ -160,7 +160,7 @@ INTERVALS = ["gfct 2 0 -4.8e-4 0.0 20000101.0000 20100101.1200", "trnd 2 0 1e-11
 )
 def test_second_format_takes_the_interval_of_the_epoch(tmp_path, epoch, base, slope):
     path = gfc(tmp_path, INTERVALS, format="icgem2.0")
-    assert read_gfc(path, epoch).C[2, 0] == pytest.approx(base + slope, rel=1e-15)
+    assert read_gfc(path, epoch).C[2, 0] == pytest.approx(base + slope, rel=2e-15)
 
 
 def test_second_format_without_an_epoch_asks_for_one(tmp_path):

@@ -24,13 +24,13 @@ def test_rotation_from_the_icrf():
         [0.4461411109, -0.4064331773, 0.7973519810],
     ]
     np.testing.assert_allclose(mars.smci_from_icrf(0.14), expected, atol=1e-10)
-    np.testing.assert_allclose(mars.icrf_from_smci(0.14) @ mars.smci_from_icrf(0.14), np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(mars.icrf_from_smci(0.14) @ mars.smci_from_icrf(0.14), np.eye(3), atol=2e-15)
 
 
 def test_the_pole_is_where_the_iau_puts_it():
     ra, dec = np.radians(317.68143 - 0.1061 * 0.14), np.radians(52.88650 - 0.0609 * 0.14)
     pole = [np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)]
-    np.testing.assert_allclose(mars.icrf_from_smci(0.14) @ [0, 0, 1], pole, atol=1e-15)
+    np.testing.assert_allclose(mars.icrf_from_smci(0.14) @ [0, 0, 1], pole, atol=2e-15)
 
 
 def test_prime_meridian():

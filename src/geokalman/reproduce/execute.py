@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock
 
-from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, reports, runfolder, sockets
+from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, reports, runfolder, settings, sockets
 from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
@@ -42,15 +42,16 @@ class ExecutionFailed(Fault):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
-    replace: bool = False,
+    base: Path | None = None, threads: int = 1, setting: str = settings.NATIVE, progress: Progress | None = None,
+    key: str = "", replace: bool = False,
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
     given     parameter values; a path among them is relative to `base` (default: the working directory)
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
-    threads   threads of the numerical libraries (default: all processors)
+    threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
+    setting   computing setting, by name
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
     replace   remove whatever stands in `out`: the folder is the book's own
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
@@ -62,6 +63,7 @@ def run(
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
     failed = out.with_name(f"{out.name}.failed.ipynb")
+    environment = settings.environment(setting) | {variable: str(threads) for variable in _THREADS}
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     sweep_runs(root)
@@ -69,12 +71,12 @@ def run(
     with atomic.locked(_lock_of(root, out)), children.busy():
         if not replace:
             runfolder.refuse_foreign(out)
-        return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
+        return _run_alone(source, name, values, root, out, failed, page, environment, progress, key)
 
 
 def _run_alone(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool,
-    threads: int, progress: Progress | None, key: str,
+    environment: Mapping[str, str], progress: Progress | None, key: str,
 ) -> Path:  # fmt: skip
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
@@ -82,7 +84,7 @@ def _run_alone(
     try:
         record = work / "run"
         with sockets.folder() as talk:
-            executed = _execute(source, name, values, root, record, work, talk, out, threads, progress)
+            executed = _execute(source, name, values, root, record, work, talk, out, environment, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -144,7 +146,7 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
 
 def _execute(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, talk: Path,
-    out: Path, threads: int, progress: Progress | None,
+    out: Path, setting: Mapping[str, str], progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -161,7 +163,7 @@ def _execute(
         "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        **{variable: str(threads) for variable in _THREADS},
+        **setting,
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
     kernel = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
@@ -203,7 +205,7 @@ def _execute(
     client = NotebookClient(
         notebook, kernel_manager_class=Kernel, kernel_name="python3", on_cell_start=started, coalesce_streams=True,
         resources={"metadata": {"path": str((root / "book" / name).parent)}},
-        startup_timeout=120, iopub_timeout=120, raise_on_iopub_timeout=True,
+        startup_timeout=900, iopub_timeout=120, raise_on_iopub_timeout=True,
     )  # fmt: skip
     try:
         with ended, client.setup_kernel():

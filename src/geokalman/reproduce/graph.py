@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import re
 import shutil
@@ -73,12 +72,11 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     outcome = Outcome(fresh=[name for name in names if is_fresh(run_folder(root, name), keys[name])])
     for name in outcome.fresh:
         _publish_metrics(root, name)
-    threads = max(1, (os.cpu_count() or 1) // workers)
 
     def one(name: str) -> None:
         with display.notebook(name) as progress:
             folder = execute.run(
-                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name],
+                root, name, out=run_folder(root, name), page=False, progress=progress, key=keys[name],
                 replace=True,
             )  # fmt: skip
             _publish_metrics(root, name)
