@@ -181,8 +181,7 @@ def killed(tests: set[str], seconds: dict[str, float]) -> bool:
     """Does one of these tests fail, in a fork? A mutant that runs for ever is stopped by its CPU time."""
     limit = 10 + 5 * sum(seconds[name] for name in tests)
     quickest_first = sorted(tests, key=lambda name: (seconds[name], name))
-    options = ["-x", "-q", "-p", "no:cacheprovider", "--assert=plain", "--no-header", "--tb=no"]
-    return _fork(lambda: int(pytest.main([*options, *quickest_first]) != 0), limit) != 0
+    return _fork(lambda: int(pytest.main(["-xq", "--tb=no", "-p", "no:cacheprovider", *quickest_first]) != 0), limit) != 0
 
 
 def _fork(work: Callable[[], int], limit: float | None = None) -> int:
@@ -193,6 +192,8 @@ def _fork(work: Callable[[], int], limit: float | None = None) -> int:
         if limit is not None:
             resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1))
             signal.alarm(int(20 * limit))  # waiting costs no CPU time
+            sys.dont_write_bytecode = True  # of a mutant; that of the unchanged modules is there
+            os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
             silence = os.open(os.devnull, os.O_WRONLY)
             os.dup2(silence, 1)
             os.dup2(silence, 2)
@@ -227,7 +228,6 @@ def main() -> None:
         shutil.copytree(SOURCE, package, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
         sys.path.insert(0, str(package))
         os.environ["PYTHONPATH"] = str(package)
-        sys.dont_write_bytecode = True
         by_line, seconds = baseline(package, tests, Path(scratch))
         total = dead = 0
         for name in names:
