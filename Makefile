@@ -3,11 +3,12 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 ENV := $(PYTHON) tools/environment.py --venv $(VENV)
-UV ?= uv
+UV ?= $(BIN)/uv
 JOBS ?= 2
 # One thread for each worker: two workers with two threads each only get into each other's way.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+export VECLIB_MAXIMUM_THREADS ?= 1
 
 NB ?=
 P ?=
@@ -20,7 +21,7 @@ REASON ?=
 .PHONY: help env book test check reference run notebooks lab bench coverage mutants picture lock clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 env: ## the environment in .venv, as environment.txt says
 	@$(ENV)
@@ -68,7 +69,7 @@ mutants: ## do the tests notice a wrong estimator? make mutants [MUTANTS="--each
 picture: env ## renew the README's picture from the built book
 	@$(BIN)/python tools/picture.py
 
-lock: ## compile the locks anew from environment*.in (needs uv)
+lock: env ## compile the locks anew from their .in files, and try them on every machine that they are for
 	sh tools/lock.sh $(UV)
 
 clean: ## remove what was built (the environment stays)

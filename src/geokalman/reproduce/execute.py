@@ -28,7 +28,9 @@ from geokalman.reproduce.errors import Fault, Misuse
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREADS = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS",
+)  # fmt: skip
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _kernels: weakref.WeakSet[Any] = weakref.WeakSet()
 _working: set[Path] = set()
