@@ -14,10 +14,11 @@ NB ?=
 P ?=
 QUICK ?=
 OUT ?=
+MUTANTS ?=
 REASON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference portable run notebooks lab bench coverage picture lock clean
+.PHONY: help env book test check reference portable run notebooks lab bench coverage mutants picture lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,6 +64,10 @@ bench: ## speed, beside the peers; never a gate
 coverage: ## how much of src the tests execute, with compilation off
 	@$(ENV) test
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+
+mutants: ## do the tests notice a wrong estimator? make mutants [MUTANTS="--each 50 geokalman/kalman/linear.py"]
+	@$(ENV) test
+	nice $(BIN)/python tools/mutants.py $(MUTANTS)
 
 picture: env ## renew the README's picture from the built book
 	@$(BIN)/python tools/picture.py

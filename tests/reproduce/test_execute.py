@@ -69,6 +69,19 @@ def test_executed_notebook(ran):
     assert len(injected) == 1 and "slope = 3.0" in injected[0] and "n = 5" in injected[0]
 
 
+def brought_from_elsewhere(page):
+    """What a page loads or links that it does not carry itself, its own scripts' words aside."""
+    markup = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    return re.findall(r"""(?:(?:src|href)=["']|url\(|@import +)(?!data:|#)[^"' )]+""", markup)
+
+
+def test_what_a_page_does_not_carry_is_seen():
+    own = '<img src="data:image/png;base64,AA"><a href="#x">x</a><script>a.src="b.js"</script>'
+    assert not brought_from_elsewhere(own)
+    for planted in ('<img src="a.png">', "<a href='https://a.org'>", "@import a.css", "url(a.woff)", '<script src="a">'):
+        assert len(brought_from_elsewhere(own + planted)) == 1, planted
+
+
 def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
@@ -85,8 +98,7 @@ def test_page_carries_everything_with_it(ran):
         and "$$" not in body
     )
     assert "\\tag{1}" in body and "<b>Figure 1.</b> A line, \\(y = s t\\)." in body
-    markup = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
-    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)[^"']+""", markup) and "@import" not in markup
+    assert not brought_from_elsewhere(text)
     assert "<script src" not in text and "cdn.jsdelivr" not in text and "window.MathJax" in text
 
 
