@@ -3,11 +3,12 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 ENV := $(PYTHON) tools/environment.py --venv $(VENV)
-UV ?= uv
+UV ?= $(BIN)/uv
 JOBS ?= 2
 # One thread for each worker: two workers with two threads each only get into each other's way.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+export VECLIB_MAXIMUM_THREADS ?= 1
 
 NB ?=
 P ?=
@@ -19,7 +20,7 @@ REASON ?=
 .PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 env: ## the environment in .venv, as environment.txt says
 	@$(ENV)
@@ -63,7 +64,7 @@ coverage: ## how much of src the tests execute, with compilation off
 picture: env ## renew the README's picture from the built book
 	@$(BIN)/python tools/picture.py
 
-lock: ## compile the locks anew from environment*.in (needs uv)
+lock: env ## compile the locks anew from their .in files, and try them on every machine that they are for
 	sh tools/lock.sh $(UV)
 
 clean: ## remove what was built (the environment stays)

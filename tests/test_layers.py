@@ -18,7 +18,7 @@ ALLOWED = {
     **{application: {application} | MODELS | GROUND for application in APPLICATIONS},
     "reproduce": {"reproduce"} | GROUND,
     "physics": {"physics", "leastsquares", "kalman"} | GROUND,
-    "leastsquares": {"leastsquares"} | GROUND,
+    "leastsquares": {"leastsquares", "kalman"} | GROUND,
     "kalman": {"kalman"},
     "constants": set(),
     "files": {"constants"},

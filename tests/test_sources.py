@@ -151,3 +151,29 @@ def test_a_read_only_home_of_the_cache_falls_back(package_copy, tmp_path):
     code = "import os, geokalman; print(os.environ['NUMBA_CACHE_DIR'])"
     [folder] = in_copy(package_copy, code, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert not folder.startswith(str(tmp_path)) and os.access(folder, os.W_OK)
+
+
+OWN = "from pathlib import Path; import tempfile; own = Path(tempfile.gettempdir(), f'geokalman-{os.getuid()}')"
+FORBIDDEN = {
+    "ours": ("own.mkdir(0o700)", True),
+    "new": ("", True),
+    "readable": ("own.mkdir(0o755)", False),
+    "writable": ("own.mkdir(); own.chmod(0o777)", False),
+    "link": ("Path(own.parent, 'x').mkdir(0o700); own.symlink_to('x')", False),
+    "dangling": ("own.symlink_to('nowhere')", False),
+    "file": ("own.touch()", False),
+    "another's": ("owner = os.getuid(); os.getuid = lambda: owner + 1; own = own.with_name(f'geokalman-{owner + 1}'); own.mkdir(0o700)", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("prepare, taken", FORBIDDEN.values(), ids=FORBIDDEN)
+def test_the_temporary_home_of_the_cache_is_private(package_copy, tmp_path, prepare, taken):
+    """Machine code that another user put there would be executed; a fresh folder is made, and goes with the process."""
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "no folder").touch()
+    code = f"import os\n{OWN}\n{prepare}\nimport geokalman; home = Path(os.environ['NUMBA_CACHE_DIR']).parent\n"
+    code += "print(home == own, oct(home.stat().st_mode)[-3:], home.is_symlink(), home)"
+    asked = {"NUMBA_CACHE_DIR": str(tmp_path / "no folder" / "cache"), "TMPDIR": str(tmp_path / "temporary")}
+    own, mode, link, home = in_copy(package_copy, code, **asked)
+    assert (own, mode, link) == (str(taken), "700", "False")
+    assert Path(home).parent == tmp_path / "temporary" and Path(home).exists() == taken

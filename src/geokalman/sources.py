@@ -7,10 +7,12 @@ of heavy results and the cache of executed notebooks. They all ask it here. Stan
 from __future__ import annotations
 
 import ast
+import atexit
 import functools
 import hashlib
 import os
 import shutil
+import stat
 import sys
 import tempfile
 import time
@@ -126,8 +128,8 @@ def key_compilation_cache() -> Path:
         if not os.access(folder, os.W_OK):
             raise PermissionError(folder)
     except OSError:  # a read-only home: compile anew in this process, and say nothing of it to the reader
-        folder = Path(tempfile.gettempdir()) / f"{PACKAGE}-numba-{os.getuid()}" / folder.name
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = _temporary_home() / folder.name
+        folder.mkdir(exist_ok=True)
     else:
         _prune(home, keep=folder)
     compilation.watch()
@@ -136,6 +138,21 @@ def key_compilation_cache() -> Path:
     if "numba" in sys.modules:  # imported before us: its settings were read already
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     return folder
+
+
+def _temporary_home() -> Path:
+    """A folder that nobody else can have put machine code into: ours in the system's temporary one, else a fresh one."""
+    home = Path(tempfile.gettempdir()) / f"{PACKAGE}-{os.getuid()}"
+    try:
+        home.mkdir(mode=0o700, exist_ok=True)
+        found = home.lstat()  # of a link itself, which may lead anywhere
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and found.st_mode & 0o777 == 0o700:
+            return home
+    except OSError:  # a file, or a link to nowhere
+        pass
+    fresh = tempfile.mkdtemp(prefix=f"{PACKAGE}-")
+    atexit.register(shutil.rmtree, fresh, ignore_errors=True)
+    return Path(fresh)
 
 
 def _prune(home: Path, keep: Path) -> None:

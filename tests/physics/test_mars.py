@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from geokalman.constants import AU, GM_SUN
 from geokalman.physics import mars, oblate, perturbations, transition
+from geokalman.physics.field import MARS, require_body
 from geokalman.physics.gravity import acceleration
 from geokalman.physics.harmonics import GravityField, load_field
 
@@ -60,9 +61,9 @@ def test_a_field_in_other_units_is_refused(changes, match):
     C[0, 0] = 1.0
     field = GravityField("odd", changes.get("gm", FIELD.gm), changes.get("radius", FIELD.radius), C, FIELD.S)
     with pytest.raises(ValueError, match=match):
-        mars.checked(field)
+        require_body(field, MARS)
     with pytest.raises(ValueError, match="another body"):
-        mars.checked(load_field("EGM96", 10))
+        require_body(load_field("EGM96", 10), MARS)
 
 
 def test_j2_acceleration_and_gradient():

@@ -82,6 +82,17 @@ def test_claims(built, geokalman):
         (["claims", "boy"], "geokalman: 'boy' has no ledger"),
         (["compare", "nowhere"], "geokalman: nowhere is no folder of a run and no notebook"),
         (["params", "../toy/01-line"], "geokalman: '../toy/01-line' is no notebook"),
+        (["run", "toy/../toy/01-line"], "geokalman: 'toy/../toy/01-line' is no notebook"),
+        (["run", "../README"], "geokalman: '../README' is no notebook"),
+        (["run", "toy/index"], "geokalman: 'toy/index' is no notebook"),
+        (["run", "_build/01-line"], "geokalman: '_build/01-line' is no notebook"),
+        (["run", "01-line"], "geokalman: '01-line' is no notebook"),
+        (["run", "x" * 9000], "... is no notebook"),
+        (["run", "a\nb"], r"geokalman: 'a\nb' is no notebook"),
+        (["reference", "../README", "--reason", "x"], "geokalman: '../README' is no notebook"),
+        (["compare", "../README"], "geokalman: ../README is no folder of a run and no notebook"),
+        (["compare", "x" * 9000], "is no folder of a run and no notebook"),
+        (["claims", "../book/toy"], "geokalman: '../book/toy' has no ledger"),
     ],
 )
 def test_wrong_use_is_one_sentence_and_code_two(built, geokalman, words, sentence):

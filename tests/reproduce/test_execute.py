@@ -175,6 +175,33 @@ def test_default_folder_says_what_was_asked(toy, asked, words):
     assert one != two
 
 
+ODD = "a{b} {slope} 'c\" [d]*? %s #$HOME ~é"
+TEXT = """'"\\ \\" \\n {x} $HOME %s #é\U0001f600\"; raise SystemExit #"""
+
+
+def test_odd_letters_in_paths_and_values(tmp_path, new_toy, geokalman):
+    """Braces, quotes, dollars, blanks: in the path of the clone, of the run and of a file, and in a text."""
+    root = new_toy(tmp_path / ODD)
+    path = root / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("divisor = 1 ", 'text = ""  #: any\nfile = ""  # path: any\ndivisor = 1 '))
+    (root / ODD).touch()
+    out = tmp_path / f"out {ODD}"
+    words = ["run", "toy/02-constant", f"text={TEXT}", f"file={ODD}", "--out", str(out)]
+    done = geokalman(root, *words)
+    assert done.returncode == 0 and done.stdout == f"{out}\n", done.stderr
+    told = json.loads((out / "provenance.json").read_text())["parameters"]
+    assert told["text"] == TEXT and told["file"] == str(root / ODD)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([ODD, out.name])
+    assert geokalman(root, "compare", str(out), str(out)).returncode == 0
+    break_it = geokalman(root, "run", "toy/02-constant", "divisor=0", "--out", f"{ODD}-0")
+    assert break_it.stderr.splitlines()[-1] == f"  traceback: {root / f'{ODD}-0'}.failed.ipynb"
+
+
+def test_a_clone_whose_path_is_of_several_lines(tmp_path, new_toy, geokalman):
+    done = geokalman(new_toy(tmp_path / "a\nb"), "list")
+    assert done.returncode == 1 and done.stderr.count("\n") == 1 and "rename it" in done.stderr
+
+
 def test_interrupt_leaves_nothing_half_done(toy, geokalman):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(

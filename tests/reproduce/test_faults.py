@@ -5,13 +5,11 @@ The page `practice/faults` lists every fault with its test.
 
 from __future__ import annotations
 
-import os
 import re
 import resource
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Parameters: what a comment means, what a value must be, and one sentence for what is wrong."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
@@ -117,6 +119,67 @@ def test_wrong_words_say_value_place_and_remedy(word, sentence):
     with pytest.raises(Misuse, match=sentence) as caught:
         make().parse([word])
     assert "\n" not in str(caught.value)
+
+
+HOSTILE = {
+    "many brackets": ("stencils=" + "[" * 3000, "is no YAML value (it is nested too deeply); stencils must be a list"),
+    "many braces": ("days=" + "{" * 3000, "is no YAML value (it is nested too deeply)"),
+    "many questions": ("days=" + "? " * 3000, "is no YAML value (it is nested too deeply)"),
+    "many dashes": ("days=" + "- " * 3000, "is no YAML value (it is nested too deeply)"),
+    "a list of itself": ("stencils=&a [*a]", "is no YAML value (anchors, aliases and tags are not read)"),
+    "billions": (
+        "stencils=[&a [x,x,x,x,x,x,x,x,x], " + ", ".join(f"&{b} [{f'*{a},' * 9}]" for a, b in pairwise("abcdefghi")) + "]",
+        "is no YAML value (anchors, aliases and tags are not read)",
+    ),
+    "code": ("days=!!python/object/apply:os.system [ls]", "(anchors, aliases and tags are not read)"),
+    "code by its full name": ("days=!<tag:yaml.org,2002:python/name:os.system>", "tags are not read"),
+    "a wrong tag": ("days=!!timestamp x", "tags are not read"),
+    "a merge": ("days={<<: 3}", "days={'<<': 3} is not float"),
+    "a long whole number": ("days=" + "9" * 400, "is not finite; days must be a number in (0, 400] d"),
+    "a longer one": ("n_max=" + "9" * 999, "... is out of range; n_max must be a whole number in [2, 360]"),
+    "the longest": ("n_max=" + "9" * 9999, "is no YAML value (a number of 9999 digits)"),
+    "not a number": ("radii=[.nan]", "radii[0]=nan is not finite"),
+    "below all": ("argp=-.inf", "argp=-inf is not finite"),
+    "above all": ("argp=1e400", "argp=inf is not finite"),
+    "a date": ("days=2020-01-01", "days='2020-01-01' is not float"),
+    "a tab": ("days=\t5", r"days='\t5' is no YAML value (found character '\t'"),
+    "lines": ("days=5\n6", "days='5 6' is not float"),
+    "documents": ("days=--- 5\n--- 6", r"days='--- 5\n--- 6' is no YAML value (line 2: but found another document)"),
+    "bell": ("days=\a", r"days='\x07' is no YAML value (unacceptable character #x0007"),
+    "not UTF-8": ("days=\udcff", r"days='\udcff' is no YAML value (unacceptable character #xdcff"),
+    "not UTF-8 in text": ("title=\udcff", r"title='\udcff' is not plain text (a control character, or bytes that"),
+    "lines in text": ("title=a\nb", "title='a b'"),
+    "escapes in text": (r'title="a\n\0b"', r"title='a\n\x00b' is not plain text"),
+    "half of a pair": (r'title="\ud800"', r"title='\ud800' is not plain text"),
+    "long": ("days=" + "x" * 100000, "xxx... is not float; days must be a number"),
+    "a long name": ("x" * 100000 + "=1", "xxx... is no parameter of toy/x; the valid ones are"),
+    "a long word": ("x" * 100000, "xxx... is no assignment; write name=value"),
+    "many items": ("stencils=[" + "5," * 20000 + "1]", "stencils[20000]=1 is out of range"),
+    "a home of nobody": ("field=~nobody-of-that-name/x", "field=~nobody-of-that-name/x: ~nobody-of-that-name/x cannot"),
+    "a long path": ("field=" + "x" * 9000, "xxx... cannot be reached (File name too long); field must be the path"),
+    "a device": ("field=/dev/null", "field=/dev/null: /dev/null is neither file nor folder; field must be the path"),
+    "a zero byte": (r'field="a\0b"', r"field='a\x00b': 'a\x00b' cannot be reached (embedded null byte)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("word, sentence", HOSTILE.values(), ids=HOSTILE)
+def test_no_value_is_worse_than_one_sentence(word, sentence):
+    with pytest.raises(Misuse) as caught:
+        make(CELL + 'title = "x"  # {x, y}: any\n').parse([word])
+    text = str(caught.value)
+    assert sentence in text and text.isprintable() and len(text) < 1300
+
+
+def test_a_loop_of_links_is_no_file(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(Misuse, match=r"field=loop: .*loop (does not exist|cannot be reached \(.*\)); field must be"):
+        make().parse(["field=loop"], tmp_path)
+
+
+def test_a_path_below_a_file_or_a_forbidden_folder(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(Misuse, match="file/x does not exist; field must be"):
+        make().parse(["field=file/x"], tmp_path)
 
 
 def test_a_parameter_given_twice():

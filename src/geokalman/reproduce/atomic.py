@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 from filelock import FileLock, Timeout
 
 from geokalman.files import sha256
+from geokalman.reproduce.children import busy
 from geokalman.reproduce.errors import Fault
 
 _PARTIAL = ".partial-"
@@ -99,7 +100,7 @@ def open_whole(path: Path, durable: bool = True) -> Iterator[BinaryIO]:
     `durable` waits until the disk has them, so that a power failure cannot leave an empty file under the name.
     """
     partial = partial_path(path)
-    with explained(path):
+    with explained(path), busy():
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with open(partial, "wb") as stream:

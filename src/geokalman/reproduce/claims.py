@@ -156,7 +156,7 @@ def papers(root: Path) -> list[str]:
 def ledger(root: Path, paper: str) -> list[Claim]:
     """The claims of a paper; raises Fault with file and claim for a malformed entry, Misuse for an unknown paper."""
     path = root / "book" / paper / "claims.yml"
-    if not path.is_file():
+    if not re.fullmatch(r"\w[\w.-]*", paper) or not path.is_file():
         raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
     where = f"book/{paper}/claims.yml"
     try:

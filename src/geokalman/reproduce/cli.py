@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from geokalman import files
-from geokalman.reproduce.errors import Fault
+from geokalman.reproduce import interrupt
+from geokalman.reproduce.errors import Fault, is_plain
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-_INTERRUPTED = 130
 _WIDE = 120  # characters of a line of text, at most
 _LONG = 16  # characters of a cell that its column does not grow for
 app = typer.Typer(
@@ -28,7 +28,10 @@ app = typer.Typer(
 
 
 def _root() -> Path:
-    return files.project_root()
+    root = files.project_root()
+    if not is_plain(str(root)):
+        raise Fault(f"The clone's path {str(root)!r} has a control character or bytes that are no UTF-8; rename it.")
+    return root
 
 
 @app.callback()
@@ -87,24 +90,15 @@ def run(
     threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    from geokalman.reproduce import execute, parameters
+    from geokalman.reproduce import execute, parameters, runfolder
     from geokalman.reproduce.progress import Display
 
     root = _root()
     given = parameters.load(root, notebook).parse(assignments or [], Path.cwd())
-    folder = out if out is not None else execute.default_out(root, notebook, given, quick)
-    execute.refuse_foreign(folder.resolve())
-    with Display() as display, display.notebook(notebook) as progress, ThreadPoolExecutor(1) as pool:
-        task = pool.submit(
-            execute.run, root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress
-        )
-        try:  # in a thread, where Ctrl-C reaches us and not the event loop that talks to the kernel
-            folder = task.result()
-        except KeyboardInterrupt:
-            execute.stop_all()
-            raise
+    folder = runfolder.chosen(out if out is not None else execute.default_out(root, notebook, given, quick), root)
+    runfolder.refuse_foreign(folder)
+    with Display() as display, display.notebook(notebook) as progress:
+        folder = execute.run(root, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
         for note in execute.notes(folder):
             display.say(note)
     print(folder)
@@ -178,9 +172,11 @@ def compare(
 ) -> None:
     """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
     from geokalman.reproduce import compare as comparing
+    from geokalman.reproduce import runfolder
 
     root = _root()
     left = comparing.resolve(root, run, Path.cwd())
+    page = runfolder.chosen(out, root) if out is not None else left / "compare"
     found = comparing.compare(root, left, comparing.resolve(root, other, Path.cwd()) if other else None)
     print(f"left:  {found.left}\nright: {found.right}")
     for name, a, b in found.parameters:
@@ -188,7 +184,7 @@ def compare(
     _print_table(_console(), comparing.HEADER, [comparing.texts(row) for row in found.rows])
     moved = comparing.moved(found, rel)
     sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
-    print(comparing.write_page(found, out or left / "compare"))
+    print(comparing.write_page(found, page))
     if strict and moved:
         raise typer.Exit(1)
 
@@ -267,30 +263,31 @@ def _indented(text: str, width: int) -> str:
 
 def main() -> None:
     """Entry point of the command `geokalman`: faults are one sentence on standard error and an exit code."""
+    os.environ.setdefault("MPLBACKEND", "agg")  # nothing is shown, and windows want the main thread
+    message, code = interrupt.attended(_outcome)
+    sys.stdout.flush()
+    if message:
+        sys.stderr.write(f"{message if message.startswith('Usage') else f'geokalman: {message}'}\n")
+    sys.exit(code)
+
+
+def _outcome() -> tuple[str, int]:
+    """Run the command; gives what remains to be said and the exit code."""
     try:
         code = app(prog_name="geokalman", standalone_mode=False)  # gives the code of typer.Exit
+        sys.stdout.flush()
     except (Fault, files.ProjectNotFound, files.CorruptedData) as error:
-        _leave(str(error), getattr(error, "exit_code", 1))
-    except KeyboardInterrupt:
-        code = _INTERRUPTED
+        return str(error), getattr(error, "exit_code", 1)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
+        return "", 141
     except Exception as error:
         usage = getattr(error, "format_message", None)  # what click knows about wrong usage
         if usage is None:
             raise
         text = usage()
-        _leave(text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2)
-    if code == _INTERRUPTED:  # typer's own code for Ctrl-C
-        _leave("interrupted; what was finished stays.", _INTERRUPTED)
-    sys.exit(code or 0)
-
-
-def _leave(message: str, code: int) -> None:
-    sys.stdout.flush()
-    sys.stderr.write(f"{message if message.startswith('Usage') else f'geokalman: {message}'}\n")
-    sys.exit(code)
+        return text if "\n" in text else f"{text} (geokalman --help lists the commands)", 2
+    return "", code or 0
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from geokalman.reproduce import atomic, claims, display, graph, notebooks, overlay, reference
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce import atomic, children, claims, display, graph, notebooks, overlay, reference, runfolder
+from geokalman.reproduce.errors import Fault, Misuse, shown
 
 
 class Row(NamedTuple):
@@ -38,21 +38,26 @@ class Comparison(NamedTuple):
 
 def resolve(root: Path, word: str, base: Path) -> Path:
     """Run folder that a word of the command line means: a folder, or the book's run of a notebook."""
-    folder = (base / word).resolve()
-    if (folder / "provenance.json").is_file():
-        return folder
+    try:
+        folder = (base / word).resolve()
+        if (folder / "provenance.json").is_file():
+            return folder
+    except (OSError, RuntimeError, ValueError):  # longer than a path may be, or a loop of links
+        pass
     if word in notebooks.names(root):
         folder = graph.run_folder(root, word)
         if (folder / "provenance.json").is_file():
             return folder
         raise Misuse(f"{word} has no run in the book yet; make book executes it, or name the folder of a run.")
-    raise Misuse(f"{word} is no folder of a run and no notebook; geokalman run prints the name of one last.")
+    raise Misuse(f"{shown(word)} is no folder of a run and no notebook; geokalman run prints the name of one last.")
 
 
 def compare(root: Path, left: Path, right: Path | None) -> Comparison:
     """Compare two run folders; without a second one, the book's run of the same notebook, else the stored reference."""
     told, metrics, arrays = reference.read_run(left)
     name = told["notebook"]
+    if right is None:
+        notebooks.source_path(root, name)  # a word of the record must not lead anywhere else
     if right is None and (graph.run_folder(root, name) / "provenance.json").is_file() and told["mode"] != "quick":
         right = graph.run_folder(root, name)
     if right is None:
@@ -69,7 +74,7 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
     changed = [(k, mine.get(k), theirs.get(k)) for k in {**mine, **theirs} if mine.get(k) != theirs.get(k)]
     rows = _rows(metrics, others)
     for key in sorted(arrays.keys() & other_arrays.keys()):
-        a, b = arrays[key], other_arrays[key]
+        a, b = (side[key].astype(complex if side[key].dtype.kind == "c" else float) for side in (arrays, other_arrays))
         if a.shape == b.shape and a.size:
             worst, largest = (float(np.nanmax(np.abs(x), initial=0.0)) for x in (a - b, b))
             unit = told["arrays"][key]["unit"]
@@ -83,7 +88,8 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
 
 
 def _rms(a: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(np.abs(a) ** 2)))
+    known = np.abs(a[~np.isnan(a)])
+    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
 
 
 def _ratio(difference: float, scale: float) -> float:
@@ -120,33 +126,35 @@ HEADER = ("name", "left", "right", "left − right", "relative", "unit")
 def write_page(comparison: Comparison, folder: Path) -> Path:
     """Write `compare.html` (self-contained) and an image per figure into `folder`, whole; returns the page.
 
-    A figure that cannot be drawn is named there with the reason.
+    A figure that cannot be drawn is named there with the reason. Raises Misuse where `folder` holds other files.
     """
     left, right = Path(comparison.left), Path(comparison.right)
+    figures = {p.stem for p in left.glob("figures/*.csv")}
+    runfolder.refuse_others(folder, runfolder.page_files(figures))
     new = atomic.partial_path(folder)
-    with atomic.explained(folder):
+    with atomic.explained(folder), children.busy():
         new.mkdir(parents=True)
         try:
             parts = []
             for name in comparison.figures:
-                sides = (overlay.read_columns(run / "figures" / f"{name}.csv") for run in (left, right))
                 try:
+                    sides = [overlay.read_columns(run / "figures" / f"{name}.csv") for run in (left, right)]
                     image = overlay.overlay(*sides, name)
                 except Fault as error:
                     parts.append(f"<h3>{html.escape(name)}</h3>\n<p>Not drawn: {html.escape(str(error))}</p>\n")
                 else:
                     (new / f"{name}.png").write_bytes(image)
                     parts.append(_figure_html(name, image))
-            (new / "compare.html").write_text(_page_html(comparison, parts), encoding="utf-8")
+            (new / runfolder.PAGE).write_text(_page_html(comparison, parts), encoding="utf-8")
             atomic.swap_folder(new, folder)
         finally:
             shutil.rmtree(new, ignore_errors=True)
-    return folder / "compare.html"
+    return folder / runfolder.PAGE
 
 
 def _figure_html(name: str, image: bytes) -> str:
     data = base64.b64encode(image).decode()
-    alt = f"The data of figure {name} from the left and the right run"
+    alt = f"The data of figure {html.escape(name)} from the left and the right run"
     return f'<h3>{html.escape(name)}</h3>\n<figure><img alt="{alt}" src="data:image/png;base64,{data}"></figure>\n'
 
 

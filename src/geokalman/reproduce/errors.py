@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import unicodedata
+
 
 class Fault(Exception):
     """Something went wrong; the message says it in one sentence, and no traceback adds to it."""
@@ -17,3 +19,14 @@ class Misuse(Fault):
     """What was asked for cannot be done as asked: an unknown name, a wrong value."""
 
     exit_code = 2
+
+
+def is_plain(text: str) -> bool:
+    """Can the text stand in a message and in any file: no control characters, no bytes that were no UTF-8?"""
+    return not any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text)
+
+
+def shown(text: str, length: int = 400) -> str:
+    """A word as it may stand in a message of one line, cut where it is longer than `length`."""
+    plain = text if is_plain(text) else repr(text)
+    return plain if len(plain) <= length else plain[: length - 3] + "..."

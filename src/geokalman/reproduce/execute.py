@@ -10,27 +10,24 @@ import logging
 import os
 import re
 import shutil
-import signal
 import sys
 import tempfile
-import time
-import weakref
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock
 
-from geokalman.reproduce import atomic, blocks, notebooks, parameters, reports, sockets
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, reports, runfolder, sockets
+from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREADS = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS",
+)  # fmt: skip
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_kernels: weakref.WeakSet[Any] = weakref.WeakSet()
-_working: set[Path] = set()
 Progress = Callable[[int, int, Path], None]
 """Called with (cell now running, number of code cells, file of its reports)."""
 
@@ -46,6 +43,7 @@ class ExecutionFailed(Fault):
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
     base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
+    replace: bool = False,
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
@@ -54,6 +52,7 @@ def run(
     page      write `page.html`, the run as one self-contained page
     threads   threads of the numerical libraries (default: all processors)
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
+    replace   remove whatever stands in `out`: the folder is the book's own
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
     """
@@ -62,12 +61,14 @@ def run(
     values = dict(specification.quick) if quick else {}
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
-    refuse_foreign(out)
     failed = out.with_name(f"{out.name}.failed.ipynb")
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
     sweep_runs(root)
-    with atomic.locked(_lock_of(root, out)):  # one writer of `out`: what another left unfinished can be cleared
+    # One writer of `out`: what another left unfinished there can be cleared.
+    with atomic.locked(_lock_of(root, out)), children.busy():
+        if not replace:
+            runfolder.refuse_foreign(out)
         return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
 
 
@@ -78,7 +79,6 @@ def _run_alone(
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
         work = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    _working.add(work)
     try:
         record = work / "run"
         with sockets.folder() as talk:
@@ -112,7 +112,6 @@ def _run_alone(
         raise
     finally:
         shutil.rmtree(work, ignore_errors=True)
-        _working.discard(work)
     return out
 
 
@@ -133,17 +132,6 @@ def notes(folder: Path) -> list[str]:
     return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
 
 
-def stop_all(patience: float = 10.0) -> None:
-    """Kill the kernels that this process started, and wait up to `patience` seconds until their folders are cleared."""
-    for kernel in list(_kernels):
-        if kernel.provisioner is not None and kernel.provisioner.pid:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(kernel.provisioner.pid, signal.SIGKILL)
-    end = time.monotonic() + patience
-    while _working and time.monotonic() < end:
-        time.sleep(0.05)
-
-
 def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
     """`runs/<paper>/<notebook>/<what was asked>`, e.g. `quick+days=5.0`; the same request, the same folder."""
     words = ["quick"] * quick + [f"{key}={value}" for key, value in sorted(given.items())]
@@ -154,19 +142,6 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     return root / "runs" / name / plain
 
 
-def refuse_foreign(out: Path) -> None:
-    """Raise Misuse where `out` is a file, or a folder with other things in it than a run."""
-    if out.is_dir():
-        inside = sorted(p.name for p in out.iterdir())
-        if inside and "provenance.json" not in inside:
-            raise Misuse(
-                f"{out} holds other things ({', '.join(inside[:3])}); "
-                "name a new or empty folder, or that of an earlier run."
-            )
-    elif out.exists():
-        raise Misuse(f"{out} is a file; a run is written into a folder: name a new one.")
-
-
 def _execute(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, talk: Path,
     out: Path, threads: int, progress: Progress | None,
@@ -174,8 +149,11 @@ def _execute(
     import papermill
     from jupyter_client.kernelspec import KernelSpec
     from jupyter_client.manager import AsyncKernelManager
+    from nbclient import NotebookClient
+    from nbclient.exceptions import CellExecutionError
 
     environment = {
+        **os.environ,
         "GEOKALMAN_ROOT": str(root),
         "GEOKALMAN_OUT": str(record),
         reports.VARIABLE: str(talk / "report"),
@@ -186,7 +164,8 @@ def _execute(
         **{variable: str(threads) for variable in _THREADS},
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
-    kernel = KernelSpec(argv=command, env=environment, display_name="Python 3", language="python", name="python3")
+    kernel = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
+    ended = contextlib.ExitStack()
 
     class Kernel(AsyncKernelManager):
         """The interpreter that runs us, whatever kernels are installed, its connection file beside the run."""
@@ -204,28 +183,36 @@ def _execute(
         def _ip_default(self) -> str:
             return str(talk / "s")
 
-        def __init__(self, **kwargs: Any) -> None:
-            super().__init__(**kwargs)
-            _kernels.add(self)
+        async def start_kernel(self, **kwargs: Any) -> None:
+            # The environment goes in here, since what stands in a specification has its $NAME replaced.
+            await super().start_kernel(env=environment, **kwargs)
+            ended.enter_context(children.guarded(self.provisioner.pid))
 
+    # papermill puts the parameters in, but does not execute: it formats paths, which {} in them does not survive, and
+    # changes the working directory of the whole process, where another notebook may be running.
+    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
+    notebook = papermill.execute_notebook(
+        source, None, parameters=dict(values), kernel_name="python3", prepare_only=True
+    )
     index = {id_: k for k, id_ in enumerate(c["id"] for c in source.cells if c.cell_type == "code")}
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if progress and cell.cell_type == "code":
             progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
-    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
+    client = NotebookClient(
+        notebook, kernel_manager_class=Kernel, kernel_name="python3", on_cell_start=started, coalesce_streams=True,
+        resources={"metadata": {"path": str((root / "book" / name).parent)}},
+        startup_timeout=120, iopub_timeout=120, raise_on_iopub_timeout=True,
+    )  # fmt: skip
     try:
-        (work / "in.ipynb").write_text(_as_json(source), encoding="utf-8")
-        return papermill.execute_notebook(
-            str(work / "in.ipynb"), str(work / "out.ipynb"), parameters=dict(values), kernel_name="python3",
-            progress_bar=False, cwd=str((root / "book" / name).parent), kernel_manager_class=Kernel,
-            on_cell_start=started, coalesce_streams=True, start_timeout=120, request_save_on_cell_execute=False,
-        )  # fmt: skip
-    except papermill.PapermillExecutionError:
-        import nbformat
-
-        return nbformat.read(work / "out.ipynb", as_version=4)
+        with ended, client.setup_kernel():
+            with contextlib.suppress(CellExecutionError):  # its output says what happened
+                for k, cell in enumerate(notebook.cells):
+                    client.execute_cell(cell, k)
+            told = client.wait_for_reply(client.kc.kernel_info())
+            notebook.metadata["language_info"] = told["content"]["language_info"]
+        return notebook
     except RuntimeError as error:  # nbclient's DeadKernelError is one
         raise ExecutionFailed(
             f"FAILED {name}: the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes.", name

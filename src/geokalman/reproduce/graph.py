@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from geokalman import files, sources
-from geokalman.reproduce import atomic, claims, execute, notebooks
+from geokalman.reproduce import atomic, children, claims, execute, notebooks
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.progress import Display
 
@@ -78,8 +78,9 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     def one(name: str) -> None:
         with display.notebook(name) as progress:
             folder = execute.run(
-                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name]
-            )
+                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name],
+                replace=True,
+            )  # fmt: skip
             _publish_metrics(root, name)
         for note in execute.notes(folder):
             display.say(f"{name}: {note}")
@@ -100,7 +101,7 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     try:
         outcome.failed = _run_tasks(tasks, workers, _oldest_first(root, names))
     except BaseException:  # Ctrl-C: no kernel outlives us
-        execute.stop_all()
+        children.stop()
         raise
     finally:
         outcome.executed.sort()

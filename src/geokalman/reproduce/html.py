@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from geokalman.files import sha256
+from geokalman.reproduce import children
 from geokalman.reproduce.atomic import digests, explained, intact, partial_path, swap_folder, write_json
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.stage import alone
@@ -63,13 +64,13 @@ def _jupyter_book(site: Path, work: Path, strict: bool, log: Path) -> Path:
     if strict:
         command += ["-W", "-n", "--keep-going"]
     environment = {**os.environ, "PYTHONHASHSEED": "0", "NO_COLOR": "1", "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-    )
-    text = _ANSI.sub("", done.stdout).replace(f"{site}{os.sep}", "book/_build/site/")
+    streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with children.started(command, **streams, text=True, env=environment) as sphinx:
+        said, _ = sphinx.communicate()
+    text = _ANSI.sub("", said).replace(f"{site}{os.sep}", "book/_build/site/")
     log.write_text(text, encoding="utf-8")
     made = work / "_build" / "html"
-    if done.returncode or not (made / "index.html").is_file():
+    if sphinx.returncode or not (made / "index.html").is_file():
         raise BookError(_explain(text, log))
     return made
 

@@ -5,6 +5,9 @@ so an edited callee gives a stale result; it has no checksum, so a flipped bit i
 result; and two processes that ask at once both compute. Here the key adds `sources.code_hash` of the function's module,
 the entry carries a SHA-256 digest, and a file lock makes the second one wait. Processor time measured for 200 MB: 0.6 s
 to store, 0.24 s to fetch, and 0.5 s to hash where an argument is that large.
+
+The entries are pickles, which run code when they are read: they have the trust of the sources. The digest guards
+against damage, not against a stranger, who can compute it as well; never use a memo folder that is not your own.
 """
 
 from __future__ import annotations

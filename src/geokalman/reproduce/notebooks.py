@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geokalman.reproduce import contents
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.errors import Fault, Misuse, shown
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -19,26 +19,32 @@ _HEADER = re.compile(r"\A---\n(.*?)\n---\n", re.S)
 
 def names(root: Path) -> list[str]:
     """Names `<paper>/<notebook>` of all notebooks: MyST files under `book/` with a jupytext header, in its order."""
-    book = root / "book"
-    found = []
-    for path in book.glob("*/*.md"):
-        if path.parent.name.startswith(("_", ".")):
-            continue
-        header = _HEADER.match(path.read_text(encoding="utf-8"))
-        if header and re.search(r"^(jupytext|kernelspec):", header[1], re.M):
-            found.append(f"{path.parent.name}/{path.stem}")
-    return sorted(found, key=contents.order(root))
+    return sorted((name for name, path in _pages(root).items() if _is_notebook(path)), key=contents.order(root))
 
 
 def source_path(root: Path, name: str) -> Path:
-    """Path of the source of notebook `name`; raises Misuse, with the names there are, for an unknown one."""
-    path = root / "book" / f"{name}.md"
-    if re.fullmatch(r"[\w.-]+/[\w.-]+", name) and path.is_file():
+    """Path of the source of notebook `name`; raises Misuse, with the nearest names there are, for any other word.
+
+    Only what the book lists is a notebook: a path to another file is none, wherever it leads.
+    """
+    path = _pages(root).get(name)
+    if path is not None and _is_notebook(path):
         return path
     known = names(root)
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"the notebooks are {', '.join(known) or 'none yet'}."
-    raise Misuse(f"{name!r} is no notebook of the book in {root}; {hint}")
+    near = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.7) or [n for n in known if n.rpartition("/")[2] in name]
+    hint = f"did you mean {' or '.join(near[:3])}?" if near else "geokalman list names them."
+    raise Misuse(f"{shown(repr(name), 100)} is no notebook of the book in {root}; {hint}")
+
+
+def _pages(root: Path) -> dict[str, Path]:
+    """All Markdown files of the papers, by name."""
+    files = (root / "book").glob("*/*.md")
+    return {f"{p.parent.name}/{p.stem}": p for p in files if not p.parent.name.startswith(("_", "."))}
+
+
+def _is_notebook(path: Path) -> bool:
+    header = _HEADER.match(path.read_text(encoding="utf-8"))
+    return bool(header and re.search(r"^(jupytext|kernelspec):", header[1], re.M))
 
 
 def read(root: Path, name: str) -> NotebookNode:

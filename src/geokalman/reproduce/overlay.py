@@ -22,11 +22,15 @@ _DECADES = 3.0  # positive values that span more are shown on a logarithmic axis
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """Numeric columns of a figure's data (CSV)."""
-    with open(path, encoding="utf-8", newline="") as stream:
-        header, *rows = csv.reader(stream)
+    """Numeric columns of a figure's data (CSV); raises Fault where the file is damaged."""
+    try:
+        with open(path, encoding="utf-8", newline="") as stream:
+            header, *rows = csv.reader(stream)
+        found = list(zip(header, zip(*rows, strict=True), strict=bool(rows)))
+    except (OSError, ValueError, csv.Error) as error:
+        raise Fault(f"{path} is damaged: it is no table of columns of one length.") from error
     columns = {}
-    for name, values in zip(header, zip(*rows, strict=True), strict=False):  # no rows, no columns
+    for name, values in found:
         try:
             columns[name] = np.array(values, dtype=float)
         except ValueError:  # a column of words
@@ -35,7 +39,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def overlay(left: Columns, right: Columns, title: str) -> bytes:
-    """PNG of the columns that both runs have; raises Fault where they have too few to draw.
+    """PNG of the columns that both runs have; raises Fault where they have too few to draw, or such as cannot be drawn.
 
     Longitude and latitude alone are a track; with other columns they are a map, shown left, right and as difference.
     All other columns are curves over the first one.
@@ -46,17 +50,20 @@ def overlay(left: Columns, right: Columns, title: str) -> bytes:
     places = [next((c for c in shared if c.startswith(word)), "") for word in ("lon", "lat")]
     if len(shared) < 2:
         raise Fault(f"figure {title} has fewer than two columns that both runs have ({', '.join(shared) or 'none'}).")
+    buffer = io.BytesIO()
     with style.theme("light"):
-        if not all(places):
-            figure = _curves(left, right, shared)
-        elif len(shared) == 2:
-            figure = _track(left, right, places)
-        else:
-            figure = _maps(left, right, places, [c for c in shared if c not in places])
-        figure.suptitle(title)
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-        style.close(figure)
+        try:
+            if not all(places):
+                figure = _curves(left, right, shared)
+            elif len(shared) == 2:
+                figure = _track(left, right, places)
+            else:
+                figure = _maps(left, right, places, [c for c in shared if c not in places])
+            figure.suptitle(title)
+            figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
+            style.close(figure)
+        except (ValueError, MemoryError) as error:  # thousands of columns, an unpaired $ in a name, infinite places
+            raise Fault(f"the columns of figure {title} cannot be drawn ({' '.join(str(error).split())}).") from error
     return buffer.getvalue()
 
 

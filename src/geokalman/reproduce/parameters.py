@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import BaseModel, ConfigDict
 
 from geokalman.reproduce import notebooks, yamltext
-from geokalman.reproduce.errors import Fault, Misuse
+from geokalman.reproduce.errors import Fault, Misuse, is_plain, shown
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -112,10 +112,15 @@ class Parameter(BaseModel):
             return bool(value)
         if self.kind == "str" and isinstance(value, str):
             result: Any = self._file(value, base) if self.is_path and value else value
+            if not is_plain(result):
+                raise self._wrong(result, "not plain text (a control character, or bytes that are no UTF-8)", place)
         elif self.kind == "int" and isinstance(value, numbers.Integral) and not boolean:
             result = int(value)
         elif self.kind == "float" and isinstance(value, numbers.Real) and not boolean:
-            result = float(value)
+            try:
+                result = float(value)
+            except OverflowError:  # a whole number of more than 308 digits
+                result = math.inf
             if not math.isfinite(result):
                 raise self._wrong(value, "not finite", place)
         else:
@@ -127,15 +132,22 @@ class Parameter(BaseModel):
         return result
 
     def _file(self, value: str, base: Path | None) -> str:
-        path = ((base or Path.cwd()) / Path(value).expanduser()).resolve()
         folder = self.unit == "folder"
-        if not (path.is_dir() if folder else path.is_file()):
-            what = "does not exist" if not path.exists() else "is a file" if folder else "is a folder"
-            about = f" ({self.help})" if self.help else ""
-            raise Misuse(
-                f"{self.name}={value}: {path} {what}; {self.name} must be the path of an existing {'folder' if folder else 'file'}{about}."
-            )
-        return str(path)
+        path = Path(value)
+        try:
+            path = ((base or Path.cwd()) / path.expanduser()).resolve()
+            if path.is_dir() if folder else path.is_file():
+                return str(path)
+            what = "is a folder" if path.is_dir() else "is a file" if path.is_file() else "is neither file nor folder"
+            what = what if path.exists() else "does not exist"
+        except (OSError, RuntimeError, ValueError) as error:  # a loop of links, ~ of an unknown user; a zero byte
+            what = f"cannot be reached ({getattr(error, 'strerror', None) or error})"
+        about = f" ({self.help})" if self.help else ""
+        kind = "folder" if folder else "file"
+        raise Misuse(
+            f"{self.name}={shown(value)}: {shown(str(path))} {what}; "
+            f"{self.name} must be the path of an existing {kind}{about}."
+        )
 
     def _wrong(self, value: Any, why: str | None = None, place: str = "") -> Misuse:
         why = why or f"not {self.kind if place else self.type}"
@@ -144,8 +156,7 @@ class Parameter(BaseModel):
 
 
 def _show(value: Any) -> str:
-    text = repr(value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shown(repr(value.item() if hasattr(value, "item") and getattr(value, "ndim", 0) == 0 else value), 60)
 
 
 class Specification(BaseModel):
@@ -173,7 +184,7 @@ class Specification(BaseModel):
         near = difflib.get_close_matches(name, self.parameters, n=1)
         hint = f" (did you mean {near[0]}?)" if near else ""
         valid = ", ".join(self.parameters) or "none"
-        return Misuse(f"{name} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
+        return Misuse(f"{shown(name)} is no parameter of {self.notebook}{hint}; the valid ones are {valid}.")
 
     def changed(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The values that differ from the paper-scale ones."""
@@ -193,11 +204,11 @@ class Specification(BaseModel):
             name, equals, text = word.partition("=")
             name = name.strip()
             if not equals or not name:
-                raise Misuse(f"{word!r} is no assignment; write name=value, as in days=5.")
+                raise Misuse(f"{_show(word)} is no assignment; write name=value, as in days=5.")
             if name not in self.parameters:
                 raise self.unknown(name)
             if name in given:
-                raise Misuse(f"{name} is given twice ({word} is the second); give it once.")
+                raise Misuse(f"{name} is given twice ({shown(word)} is the second); give it once.")
             given[name] = _parse_value(text, self.parameters[name])
         return self.check(given, base)
 
@@ -208,8 +219,9 @@ def _parse_value(text: str, parameter: Parameter) -> Any:
     except ValueError as error:
         if parameter.kind == "str" and not parameter.many:
             return text
+        why = str(error).removeprefix("line 1: ")
         raise Misuse(
-            f"{parameter.name}={text} is no YAML value; {parameter.name} must be {parameter.wanted}."
+            f"{parameter.name}={shown(text)} is no YAML value ({why}); {parameter.name} must be {parameter.wanted}."
         ) from error
     if parameter.kind == "str" and not parameter.many and not isinstance(value, str):
         return None if value is None and parameter.optional else text

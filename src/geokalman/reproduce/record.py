@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from geokalman import files, progress
-from geokalman.reproduce import atomic, display, parameters, provenance, reports
+from geokalman.reproduce import atomic, display, parameters, provenance, reports, runfolder
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.memo import Memo
 
@@ -253,6 +253,8 @@ class Notebook:
     def finish(self) -> None:
         """Write the record whole into the run folder `out`; raises Fault, leaving what stood there, where it cannot."""
         self._open()
+        if self._interactive:
+            runfolder.refuse_foreign(self.out)
         described = {
             "notebook": self.name,
             "mode": self.mode,

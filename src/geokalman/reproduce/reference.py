@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from geokalman.reproduce import atomic, yamltext
+from geokalman.reproduce import atomic, runfolder, yamltext
 from geokalman.reproduce.errors import Fault, Misuse
 
 Mode = Literal["quick", "mid", "book"]
@@ -112,13 +112,7 @@ def load(root: Path, name: str, mode: str) -> tuple[dict[str, dict[str, Any]], d
 
 def read_run(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, np.ndarray]]:
     """Provenance, numbers and arrays of a run folder; raises Misuse where it is none."""
-    try:
-        told = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
-        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-        with np.load(folder / "arrays.npz") as stored:
-            return told, metrics, {key: stored[key] for key in stored.files}
-    except (OSError, ValueError) as error:
-        raise Misuse(f"{folder} is no folder of a run ({error}); geokalman run prints the name of one last.") from error
+    return runfolder.read(folder)
 
 
 def differences(root: Path, folder: Path, mode: str | None = None) -> list[Difference]:

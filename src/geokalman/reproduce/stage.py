@@ -15,7 +15,7 @@ from pathlib import Path
 
 import nbformat
 
-from geokalman.reproduce import contents, notebooks, pagefoot
+from geokalman.reproduce import children, contents, notebooks, pagefoot
 from geokalman.reproduce.atomic import explained, locked, partial_path, swap_folder, sweep
 from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
@@ -48,6 +48,7 @@ def stage(root: Path) -> Path:
         new.mkdir()
         _copy_assets(book, new)
         for page in pages:
+            children.check()
             target = new / page
             target.parent.mkdir(parents=True, exist_ok=True)
             if page in runs:
@@ -63,7 +64,7 @@ def stage(root: Path) -> Path:
 @contextmanager
 def alone(target: Path) -> Iterator[None]:
     """Make a folder of `book/_build` while no other process does; what a killed one left there is cleared first."""
-    with locked(target.parent / ".book.lock"):
+    with locked(target.parent / ".book.lock"), children.busy():
         sweep(target.parent)
         try:
             yield

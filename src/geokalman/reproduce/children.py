@@ -1,0 +1,96 @@
+"""The processes that we start (kernels, Sphinx): each leads a process group, which ends with us however we end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+_GUARD = 'read _; kill -s KILL -- "-$0"'  # waits until the pipe from us breaks
+_groups: set[int] = set()
+_blocks: set[object] = set()
+_stopping = threading.Event()
+
+
+@contextmanager
+def guarded(group: int) -> Iterator[None]:
+    """Kill the process group after the block, and when we are gone, be it by kill -9: a shell waits for that.
+
+    A kernel that computes notices nothing of its parent's end, and systems differ in what can tell it; a broken pipe
+    is the same everywhere.
+    """
+    command = ["/bin/sh", "-c", _GUARD, str(group)]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    guard = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, **quiet)
+    _groups.add(group)
+    try:
+        check()
+        yield
+    finally:
+        _kill(group)
+        _groups.discard(group)
+        with guard:
+            guard.kill()
+
+
+@contextmanager
+def started(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
+    """A child process, guarded, in a session of its own: Ctrl-C at the terminal reaches us alone."""
+    check()
+    with subprocess.Popen(command, start_new_session=True, **options) as process, guarded(process.pid):
+        yield process
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """A block that leaves nothing half done if it may end: `stop` waits for it.
+
+    The errors of a block whose children `stop` has killed are no news: they become KeyboardInterrupt.
+    """
+    check()
+    token = object()
+    _blocks.add(token)
+    try:
+        yield
+    except Exception:
+        check()
+        raise
+    finally:
+        _blocks.discard(token)
+
+
+def check() -> None:
+    """Raise KeyboardInterrupt where `stop` waits: for loops that are busy without a child."""
+    if _stopping.is_set():
+        raise KeyboardInterrupt
+
+
+def any_busy() -> bool:
+    """Is a block of `busy` running, in any thread?"""
+    return bool(_blocks)
+
+
+def stop(patience: float = 60.0, ended: Callable[[], bool] | None = None) -> None:
+    """Kill our children, let no new ones start, and wait (at most `patience` seconds) until all busy blocks `ended`."""
+    ended = ended or (lambda: not _blocks)
+    end = time.monotonic() + patience
+    outermost = not _stopping.is_set()
+    _stopping.set()
+    try:
+        while not ended() and time.monotonic() < end:
+            for group in list(_groups):
+                _kill(group)
+            time.sleep(0.02)
+    finally:
+        if outermost:
+            _stopping.clear()
+
+
+def _kill(group: int) -> None:
+    with suppress(ProcessLookupError, PermissionError):  # macOS says the latter of a group of zombies
+        os.killpg(group, signal.SIGKILL)
