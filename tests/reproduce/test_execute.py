@@ -302,6 +302,7 @@ def test_a_long_loop_tells_its_share_while_it_runs(toy):
         report: dict = {}
         while report.get("share") != 0.25 and not task.done():
             report = reports.read(reported[-1]) if reported else {}
+            time.sleep(0.05)
         (toy / "seen").touch()
         task.result()
     assert (report["what"], report["share"], report["left"] > 0) == ("orbits", 0.25, True)

@@ -39,6 +39,13 @@ def test_the_time_left_follows_from_the_time_it_took(reporter, tmp_path, clock):
     assert reports.read(tmp_path / "report")["left"] == pytest.approx(1.0)
 
 
+def test_a_step_is_told_at_once(reporter, tmp_path):
+    """The next one may take hours."""
+    reporter("runs", 0.0)
+    reporter("runs", 0.01)
+    assert reports.read(tmp_path / "report")["share"] == 0.01
+
+
 def test_it_tells_now_and_then_and_always_the_end(reporter, tmp_path, clock):
     for k in range(11):
         reporter("runs", k / 1000)

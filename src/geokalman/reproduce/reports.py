@@ -14,7 +14,7 @@ from typing import Any
 
 VARIABLE = "GEOKALMAN_REPORT"
 """Environment variable: path of the file; without it nothing is told."""
-_OFTEN = 0.5  # s between two reports, at least
+_OFTEN, _STEP = 0.5, 0.01  # s between two reports, or the share between them: whichever comes first
 
 
 class Reporter:
@@ -25,6 +25,7 @@ class Reporter:
         self._path = Path(told) if told else None
         self._report: dict[str, Any] = {}
         self._begun = self._written = -_OFTEN
+        self._told = -1.0
 
     def expect(self, text: str) -> None:
         """Say beforehand what the notebook may take."""
@@ -35,12 +36,12 @@ class Reporter:
         """Say the share done of the loop that runs now; the time left follows from the time that it took."""
         now = time.monotonic()
         if what != self._report.get("what") or share < self._report["share"]:
-            self._begun, self._written = now, -_OFTEN
+            self._begun, self._told = now, -1.0
         self._report |= {"what": what, "share": share}
         self._report["left"] = (now - self._begun) * (1.0 / share - 1.0) if share else None
-        if now - self._written >= _OFTEN or share >= 1.0:
+        if now - self._written >= _OFTEN or share - self._told >= _STEP or share >= 1.0:
             self._write()
-            self._written = now
+            self._written, self._told = now, share
 
     def _write(self) -> None:
         if self._path is not None:
