@@ -157,7 +157,7 @@ def command(root: Path, *words: str, wait: bool = True, **environment: str):
     start = [sys.executable, "-m", "geokalman.reproduce.cli", *words]
     if not wait:
         return subprocess.Popen(start, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True, timeout=300)
+    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="session")
