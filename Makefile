@@ -3,23 +3,25 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 ENV := $(PYTHON) tools/environment.py --venv $(VENV)
-UV ?= uv
+UV ?= $(BIN)/uv
 JOBS ?= 2
 # One thread for each worker: two workers with two threads each only get into each other's way.
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
+export VECLIB_MAXIMUM_THREADS ?= 1
 
 NB ?=
 P ?=
 QUICK ?=
 OUT ?=
+MUTANTS ?=
 REASON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference run notebooks lab bench coverage picture lock clean
+.PHONY: help env book test check reference portable run notebooks lab bench coverage mutants picture lock clean
 
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 12
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 env: ## the environment in .venv, as environment.txt says
 	@$(ENV)
@@ -36,9 +38,12 @@ check: ## paper-scale results against stored references and claims; the built bo
 	$(BIN)/geokalman check
 	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m browser tests/book
 
-reference: env ## renew the stored references, print what changed: make reference REASON="why" [NB=paper/notebook]
+reference: env ## renew the stored references in all computing settings, print what changed: make reference REASON="why" [NB=paper/notebook]
 	@test -n "$(REASON)" || { echo 'A renewed reference needs a reason, as in: make reference REASON="why the numbers moved"'; exit 2; }
 	@$(BIN)/geokalman reference --reason "$(REASON)" $(NB)
+
+portable: env ## compute in all settings of this machine and widen the stored spreads: make portable [NB=paper/notebook]
+	@$(BIN)/geokalman portable $(NB)
 
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
 	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }
@@ -60,10 +65,14 @@ coverage: ## how much of src the tests execute, with compilation off
 	@$(ENV) test
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
 
+mutants: ## do the tests notice a wrong estimator? make mutants [MUTANTS="--each 50 geokalman/kalman/linear.py"]
+	@$(ENV) test
+	nice $(BIN)/python tools/mutants.py $(MUTANTS)
+
 picture: env ## renew the README's picture from the built book
 	@$(BIN)/python tools/picture.py
 
-lock: ## compile the locks anew from environment*.in (needs uv)
+lock: env ## compile the locks anew from their .in files, and try them on every machine that they are for
 	sh tools/lock.sh $(UV)
 
 clean: ## remove what was built (the environment stays)

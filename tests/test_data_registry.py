@@ -1,6 +1,8 @@
 """The vendored data: every file registered with source and licence, every checksum right, every script reproducible."""
 
 import importlib.util
+import json
+import socket
 import zipfile
 
 import numpy as np
@@ -14,19 +16,88 @@ DATA = files.project_root() / "data"
 FIELDS = {"source", "source_sha256", "licence", "citation", "script", "sha256", "bytes"}
 
 
+def faults(root, name):
+    """What is wrong with one registered file: missing words, another size, no exact source, no script."""
+    entry = files.registry(root)[name]
+    found = [field for field in sorted(FIELDS) if not entry.get(field)]
+    if entry.get("bytes") != files.data_path(name, root).stat().st_size:
+        found.append("bytes")
+    if "==" not in entry.get("source", ""):
+        found.append("source without a version")
+    if not (root / entry.get("script", "-")).is_file():
+        found.append("no such script")
+    return found
+
+
+def unregistered(root):
+    """Files below `data/` that the registry does not know, and entries without a file."""
+    own = {"registry.json", "LICENSES.md"}
+    data = root / "data"
+    found = {str(p.relative_to(data)) for p in data.rglob("*") if p.is_file() and "scripts" not in p.parts}
+    return (found - own) ^ set(files.registry(root))
+
+
+def without_licence(root):
+    """Registered files whose name, or whose folder's, the page of licences does not give."""
+    page = (root / "data" / "LICENSES.md").read_text(encoding="utf-8")
+    return [name for name in files.registry(root) if f"`{name.partition('/')[0]}" not in page]
+
+
 @pytest.mark.parametrize("name", sorted(files.registry()))
 def test_each_vendored_file_is_whole_and_documented(name):
-    entry = files.registry()[name]
-    path = files.data_path(name)
-    assert FIELDS <= set(entry) and all(entry.values())
-    assert entry["bytes"] == path.stat().st_size
-    assert "==" in entry["source"] and (DATA.parent / entry["script"]).is_file()
+    assert not faults(DATA.parent, name)
 
 
 def test_every_file_beside_the_registry_is_registered():
-    own = {"registry.json", "LICENSES.md"}
-    found = {str(p.relative_to(DATA)) for p in DATA.rglob("*") if p.is_file() and "scripts" not in p.parts}
-    assert found - own == set(files.registry())
+    assert not unregistered(DATA.parent) and not without_licence(DATA.parent)
+
+
+@pytest.fixture
+def planted(tmp_path):
+    """A clone with one file and its sound entry, and a function that changes the entry."""
+    (tmp_path / "data" / "scripts").mkdir(parents=True)
+    (tmp_path / "data" / "scripts" / "make_toy.py").touch()
+    (tmp_path / "data" / "toy.txt").write_text("toy")
+    sound = dict.fromkeys(FIELDS, "x") | {
+        "sha256": files.sha256(tmp_path / "data" / "toy.txt"), "bytes": 3, "source": "toy==1.0",
+        "script": "data/scripts/make_toy.py",
+    }  # fmt: skip
+
+    def change(**entry):
+        (tmp_path / "data" / "registry.json").write_text(json.dumps({"toy.txt": sound | entry}))
+        return tmp_path
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ({}, []),
+        ({"licence": ""}, ["licence"]),
+        ({"bytes": 4}, ["bytes"]),
+        ({"source": "toy, of late"}, ["source without a version"]),
+        ({"script": "data/scripts/lost.py"}, ["no such script"]),
+    ],
+)
+def test_a_fault_of_an_entry_is_seen(planted, entry, found):
+    assert faults(planted(**entry), "toy.txt") == found
+
+
+def test_strays_on_either_side_are_seen(planted):
+    root = planted()
+    assert not unregistered(root)
+    (root / "data" / "stray.csv").touch()
+    assert unregistered(root) == {"stray.csv"}
+    (root / "data" / "toy.txt").unlink()
+    assert unregistered(root) == {"stray.csv", "toy.txt"}
+
+
+def test_a_file_without_a_licence_in_words_is_seen(planted):
+    root = planted()
+    for page, found in (("`toys.txt` is free", ["toy.txt"]), ("`toy.txt` is free", [])):
+        (root / "data" / "LICENSES.md").write_text(page)
+        assert without_licence(root) == found
 
 
 def test_the_gravity_field_stays_small():
@@ -84,18 +155,28 @@ def test_a_damaged_field_is_told_from_a_good_one(tmp_path, monkeypatch):
         harmonics.load_field()
 
 
-def test_maps_find_their_coastline_without_a_network(monkeypatch):
+@pytest.fixture
+def no_network(monkeypatch):
+    """Cartopy without a network and without files of its own: what it is asked for is in the folder that is given."""
     cartopy = pytest.importorskip("cartopy")
-    from cartopy.io import Downloader, shapereader
 
-    def no_network(*_):
-        raise AssertionError("a map wants the network")
+    def refuse(*_, **__):
+        raise OSError("a map wants the network")
 
-    monkeypatch.setattr(Downloader, "acquire_resource", no_network)
-    monkeypatch.setitem(cartopy.config, "pre_existing_data_dir", files.natural_earth_dir())
+    monkeypatch.setattr(socket, "getaddrinfo", refuse)
     monkeypatch.setitem(cartopy.config, "data_dir", "/nonexistent")
+    return lambda folder: monkeypatch.setitem(cartopy.config, "pre_existing_data_dir", folder)
+
+
+def test_maps_find_their_coastline_without_a_network(no_network, tmp_path):
+    from cartopy.io import shapereader
+
+    no_network(files.natural_earth_dir())
     for name, kind in (("coastline", "LineString"), ("land", "Polygon")):
         path = shapereader.natural_earth("110m", "physical", name)
         assert str(path).startswith(str(files.natural_earth_dir()))
         shapes = list(shapereader.Reader(path).geometries())
         assert len(shapes) > 100 and kind in shapes[0].geom_type
+    no_network(tmp_path)
+    with pytest.raises(OSError, match="wants the network"), pytest.warns(match="Downloading"):
+        shapereader.natural_earth("110m", "physical", "land")

@@ -3,39 +3,48 @@
 from __future__ import annotations
 
 import ast
-import re
 import sys
 from pathlib import Path
 
 import pytest
 
+from geokalman import reproduce
+from geokalman.reproduce import notebooks
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "geokalman"
 APPLICATIONS = {"grace", "attitude", "airborne", "radioastron", "pulsar"}
-GROUND = {"constants", "files", "reading", "style", "sources"}
+GROUND = {"constants", "files", "reading", "style", "sources", "compilation", "memory", "progress"}
 MODELS = {"physics", "leastsquares", "kalman"}
 ALLOWED = {
     **{application: {application} | MODELS | GROUND for application in APPLICATIONS},
     "reproduce": {"reproduce"} | GROUND,
     "physics": {"physics", "leastsquares", "kalman"} | GROUND,
-    "leastsquares": {"leastsquares"} | GROUND,
+    "leastsquares": {"leastsquares", "kalman"} | GROUND,
     "kalman": {"kalman"},
     "constants": set(),
     "files": {"constants"},
     "reading": set(),
     "style": set(),
-    "sources": set(),
+    "sources": {"compilation"},
+    "compilation": set(),
+    "memory": set(),
+    "progress": set(),
     "": {"sources"},  # the package itself
 }
 OUTSIDE = {
     "kalman": {"numpy", "scipy", "numba"},
     "style": {"matplotlib"},
     "sources": set(),
+    "compilation": set(),
+    "memory": set(),
+    "progress": set(),
     "files": set(),
     "reading": set(),
     "constants": set(),
 }
 MODULES = sorted(PACKAGE.rglob("*.py"))
+ESTIMATORS = [p for p in MODULES if p.stem == "estimate"]
 
 
 def part_of(path: Path) -> str:
@@ -44,79 +53,135 @@ def part_of(path: Path) -> str:
     return "" if inside.name == "__init__.py" and len(inside.parts) == 1 else inside.parts[0].removesuffix(".py")
 
 
-def imports(path: Path) -> set[str]:
-    """Absolute dotted names that a file imports, anywhere in it; `from a import b` gives a and a.b."""
+def imported(text: str, package: tuple[str, ...] = ()) -> set[str]:
+    """Absolute dotted names that a Python text imports, anywhere in it; `from a import b` gives a.b."""
     found = set()
-    package = ["geokalman", *path.relative_to(PACKAGE).parts[:-1]]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             found.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            base = package[: len(package) - node.level + 1] if node.level else []
-            name = ".".join([*base, *([node.module] if node.module else [])])
-            found.update([name, *(f"{name}.{alias.name}" for alias in node.names)])
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            found.update(".".join([*base, *filter(None, [node.module]), alias.name]) for alias in node.names)
     return found
 
 
-def own(path: Path) -> set[str]:
-    """Parts of the package that a file imports."""
+def imports(path: Path) -> set[str]:
+    """What a module of the package imports."""
+    return imported(path.read_text(encoding="utf-8"), ("geokalman", *path.relative_to(PACKAGE).parts[:-1]))
+
+
+def upward(path: Path) -> set[str]:
+    """Parts of the package that a file imports and must not."""
     parts = {name.split(".")[1] for name in imports(path) if name.startswith("geokalman.")}
-    return {part for part in parts if (PACKAGE / part).is_dir() or (PACKAGE / f"{part}.py").is_file()}
+    known = {part for part in parts if (PACKAGE / part).is_dir() or (PACKAGE / f"{part}.py").is_file()}
+    return known - ALLOWED[part_of(path)]
+
+
+def outside(path: Path) -> set[str]:
+    """Libraries that a file imports and must not."""
+    libraries = {name.split(".")[0] for name in imports(path)} - {"geokalman", "__future__", *sys.stdlib_module_names}
+    return libraries - OUTSIDE[part_of(path)]
+
+
+def truth_seen(path: Path) -> set[str]:
+    """Modules with truth in them that an estimator imports, itself or through a module of its own application."""
+    seen, todo = set(), {path}
+    while todo:
+        current = todo.pop()
+        seen.add(current)
+        names = {n.split(".")[2] for n in imports(current) if n.startswith(f"geokalman.{part_of(path)}.")}
+        todo |= {p for p in (path.with_name(f"{n}.py") for n in names) if p.is_file()} - seen
+    return {p.stem for p in seen} & {"simulate", "assess", "figures"}
+
+
+def machinery(code: str) -> set[str]:
+    """What a notebook's code takes from the machinery beside what that offers to notebooks."""
+    offered = {f"geokalman.reproduce.{name}" for name in reproduce.__all__}
+    return {name for name in imported(code) if f"{name}.".startswith("geokalman.reproduce.")} - offered
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_run_downward(path):
-    part = part_of(path)
-    assert part in ALLOWED, f"{part} is new: say here and in CONTRIBUTING.md what it may import"
-    assert own(path) <= ALLOWED[part]
+    assert part_of(path) in ALLOWED, "a new part: say here and in CONTRIBUTING.md what it may import"
+    assert not upward(path)
 
 
 @pytest.mark.parametrize(
     "path", [p for p in MODULES if part_of(p) in OUTSIDE], ids=lambda p: str(p.relative_to(PACKAGE))
 )
 def test_what_stands_low_stands_on_little(path):
-    outside = (
-        {name.split(".")[0] for name in imports(path)} - {"geokalman", "__future__"} - set(sys.stdlib_module_names)
-    )
-    assert outside <= OUTSIDE[part_of(path)]
-
-
-ESTIMATORS = [p for p in MODULES if p.stem == "estimate"]
+    assert not outside(path)
 
 
 @pytest.mark.parametrize("path", ESTIMATORS, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_estimators_never_see_truth(path):
-    """Neither themselves nor through a module of their own application."""
-    seen, todo = set(), {path}
-    while todo:
-        current = todo.pop()
-        seen.add(current)
-        names = {n.rpartition(".")[2] for n in imports(current) if n.startswith(f"geokalman.{part_of(path)}.")}
-        todo |= {p for p in (path.with_name(f"{n}.py") for n in names) if p.is_file()} - seen
-    assert not {p.stem for p in seen} & {"simulate", "assess", "figures"}
+    assert not truth_seen(path)
 
 
 def test_there_are_estimators_to_hold_to_it():
-    assert ESTIMATORS
+    assert {part_of(path) for path in ESTIMATORS} == APPLICATIONS
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "book").glob("*/[0-9]*.md")), ids=lambda p: f"{p.parent.name}/{p.stem}")
-def test_notebooks_use_applications_and_the_recorder_only(path):
-    cells = re.findall(r"^```\{code-cell\}.*?\n(?::.*\n)*(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S)
-    names = {n for cell in cells for n in re.findall(r"^\s*(?:from|import) +(geokalman[\w.]*)", cell, re.M)}
-    assert cells and not [n for n in names if n.startswith("geokalman.reproduce.")]
+@pytest.mark.parametrize("name", notebooks.names(ROOT))
+def test_notebooks_use_applications_and_the_recorder_only(name):
+    code = notebooks.code(notebooks.read(ROOT, name))
+    assert "geokalman.reproduce.Notebook" in imported(code)
+    assert not machinery(code)
 
 
-def test_the_rule_itself_bites(tmp_path, monkeypatch):
-    """An upward import, written in each of the forms that Python has, is seen."""
+@pytest.fixture
+def planted(tmp_path, monkeypatch):
+    """A package of three empty parts, and a function that writes a module of it."""
     monkeypatch.setitem(globals(), "PACKAGE", tmp_path)
-    (tmp_path / "kalman").mkdir()
-    (tmp_path / "grace").mkdir()
-    for text in (
+    for part in ("kalman", "grace", "physics"):
+        (tmp_path / part).mkdir()
+
+    def write(name: str, text: str) -> Path:
+        (tmp_path / name).write_text(text)
+        return tmp_path / name
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
         "from geokalman import grace",
         "import geokalman.grace.model",
         "from ..grace import model",
         "def f():\n    from .. import grace",
-    ):
-        (tmp_path / "kalman" / "x.py").write_text(text)
-        assert own(tmp_path / "kalman" / "x.py") == {"grace"}, text
+    ],
+)
+def test_an_upward_import_is_seen_in_every_form(planted, text):
+    assert upward(planted("kalman/x.py", text)) == {"grace"}
+    assert not upward(planted("grace/x.py", text.replace("grace", "physics")))
+
+
+def test_a_library_above_its_station_is_seen(planted):
+    assert outside(planted("kalman/x.py", "import os, numpy\nfrom matplotlib import pyplot")) == {"matplotlib"}
+
+
+def test_truth_is_seen_through_a_helper(planted):
+    planted("grace/simulate.py", "")
+    planted("grace/helper.py", "from geokalman.grace.simulate import fly")
+    assert truth_seen(planted("grace/estimate.py", "from geokalman.grace import helper")) == {"simulate"}
+    planted("grace/helper.py", "import numpy")
+    assert not truth_seen(planted("grace/estimate.py", "from . import helper"))
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("from geokalman.reproduce import Notebook, Misuse\nfrom geokalman.grace import assess", set()),
+        ("from geokalman.reproduce.errors import Misuse", {"geokalman.reproduce.errors.Misuse"}),
+        ("from geokalman import reproduce", {"geokalman.reproduce"}),
+        ("if True:\n    import geokalman.reproduce.claims", {"geokalman.reproduce.claims"}),
+        ("from geokalman.reproduce import claims", {"geokalman.reproduce.claims"}),
+    ],
+)
+def test_a_notebook_that_reaches_into_the_machinery_is_seen(tmp_path, text, found):
+    (tmp_path / "book" / "toy").mkdir(parents=True)
+    page = f"---\nkernelspec: {{display_name: Python 3, name: python3}}\n---\n# T\n\n```{{code-cell}} ipython3\n:tags: [a]\n\n{text}\n```\n\nprose\n"
+    (tmp_path / "book" / "toy" / "01-a.md").write_text(page)
+    [name] = notebooks.names(tmp_path)
+    assert machinery(notebooks.code(notebooks.read(tmp_path, name))) == found

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -21,61 +22,141 @@ import geokalman
 
 ROOT = Path(__file__).resolve().parents[1]
 LOCKS = ["environment", "environment-test", "environment-lab"]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
-def chosen(name: str) -> dict[str, Requirement]:
+def chosen(root: Path, name: str) -> dict[str, Requirement]:
     """What a file `.in` asks for, by name."""
-    lines = (line.partition(" #")[0].strip() for line in (ROOT / f"{name}.in").read_text().splitlines())
+    lines = (line.partition(" #")[0].strip() for line in (root / f"{name}.in").read_text().splitlines())
     found = [Requirement(line) for line in lines if line and line[0] != "#"]
     return {canonicalize_name(r.name): r for r in found}
 
 
-def locked(name: str) -> dict[str, set[str]]:
+def locked(root: Path, name: str) -> dict[str, set[str]]:
     """Package -> versions of a lock."""
     found: dict[str, set[str]] = {}
-    for package, version in re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", (ROOT / f"{name}.txt").read_text(), re.M):
+    for package, version in re.findall(r"^([A-Za-z0-9._-]+)==(\S+)", (root / f"{name}.txt").read_text(), re.M):
         found.setdefault(canonicalize_name(package), set()).add(version)
     return found
 
 
+def unmet(requirements: Iterable[Requirement], versions: dict[str, set[str]]) -> list[str]:
+    """Requirements that the one locked version (one for all Pythons) does not satisfy."""
+    there = [(r, versions.get(canonicalize_name(r.name), set())) for r in requirements]
+    return [str(r) for r, found in there if len(found) != 1 or not r.specifier.contains(min(found))]
+
+
+def faults_of_lock(root: Path, name: str) -> list[str]:
+    """Hosts that a lock names, packages without a hash, choices that it does not hold, versions unlike the first's."""
+    text, versions, first = (root / f"{name}.txt").read_text(), locked(root, name), locked(root, "environment")
+    return [
+        *(word for word in ("://", "--index-url", "--find-links") if word in text),
+        *(e.split()[0] for e in re.split(r"\n(?=[a-z0-9])", text)[1:] if "--hash=sha256:" not in e),
+        *unmet(chosen(root, name).values(), versions),
+        *(package for package, found in versions.items() if found != first.get(package, found)),
+    ]
+
+
+def faults_of_package(root: Path) -> list[str]:
+    """Dependencies that pyproject.toml declares and the lock does not hold or was not asked for; versions that differ."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    declared = [Requirement(r) for r in project["dependencies"] + project["optional-dependencies"]["book"]]
+    citation = yaml.safe_load((root / "CITATION.cff").read_text())
+    return [
+        *unmet(declared, locked(root, "environment")),
+        *(r.name for r in declared if canonicalize_name(r.name) not in chosen(root, "environment")),
+        *(v for v in (project["version"], citation["version"]) if v != geokalman.__version__),
+        *({"cff-version", "message", "title", "authors"} - set(citation)),
+        *(x for x in (citation["license"], project["license"]) if x != "BSD-3-Clause"),
+        *(
+            f"{name} lacks {words!r}"
+            for name, words in {
+                "LICENSE": "BSD 3-Clause License",
+                "LICENSE-TEXT": "SPDX-License-Identifier: CC-BY-4.0",
+                "CHANGELOG.md": "## [Unreleased]",
+            }.items()
+            if words not in (root / name).read_text()
+        ),
+    ]
+
+
+def faults_of_targets(root: Path) -> list[str]:
+    """Targets that others script against and the Makefile lacks, or does not explain."""
+    text = (root / "Makefile").read_text()
+    wanted = "env book test check reference run notebooks lab bench clean".split()
+    return [t for t in wanted if not re.search(rf"^{t}:.*## ", text, re.M)]
+
+
+def faults_of_gate(root: Path) -> list[str]:
+    """What is wrong with the script of the gate: its rights, its grammar, its order, and whether the CI calls it."""
+    script = root / ".ci" / "run"
+    stages = re.findall(r"make (\w+)$", script.read_text(), re.M)
+    steps = yaml.safe_load((root / ".github/workflows/ci.yml").read_text())["jobs"]["all"]["steps"]
+    faults = {
+        "cannot be executed": not os.access(script, os.X_OK),
+        "is no bash": subprocess.run(["bash", "-n", str(script)], capture_output=True).returncode != 0,
+        "runs other stages": stages != ["env", "test", "book", "check"],
+        "is not called": "bash .ci/run" not in [step.get("run") for step in steps],
+    }
+    return [words for words, wrong in faults.items() if wrong]
+
+
 @pytest.mark.parametrize("name", LOCKS)
 def test_a_lock_is_hashed_complete_and_names_no_host(name: str) -> None:
-    text = (ROOT / f"{name}.txt").read_text()
-    assert "://" not in text and "--index-url" not in text and "--find-links" not in text
-    entries = re.split(r"\n(?=[a-z0-9])", text)[1:]
-    assert len(entries) > 30
-    assert [entry.split()[0] for entry in entries if "--hash=sha256:" not in entry] == []
-    versions = locked(name)
-    for package, requirement in chosen(name).items():
-        (version,) = versions[package]  # one for all Pythons
-        assert requirement.specifier.contains(version), package
+    assert len(locked(ROOT, name)) > 30
+    assert not faults_of_lock(ROOT, name)
 
 
-@pytest.mark.parametrize("name", LOCKS[1:])
-def test_the_further_locks_agree_with_the_first(name: str) -> None:
-    first = locked("environment")
-    assert {p: v for p, v in locked(name).items() if p in first and v != first[p]} == {}
+def test_the_package_agrees_with_its_lock_and_its_papers() -> None:
+    assert not faults_of_package(ROOT)
 
 
-def test_what_the_package_declares_is_locked_and_satisfied() -> None:
-    versions = locked("environment")
-    declared = PROJECT["dependencies"] + PROJECT["optional-dependencies"]["book"]
-    for text in declared:
-        requirement = Requirement(text)
-        (version,) = versions[canonicalize_name(requirement.name)]
-        assert requirement.specifier.contains(version), text
-        assert canonicalize_name(requirement.name) in chosen("environment"), text
+def test_make_has_the_targets_that_others_script_against() -> None:
+    assert not faults_of_targets(ROOT)
 
 
-def test_one_version_everywhere() -> None:
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
-    assert PROJECT["version"] == geokalman.__version__ == citation["version"]
-    assert {"cff-version", "message", "title", "authors"} <= set(citation)
-    assert citation["license"] == PROJECT["license"] == "BSD-3-Clause"
-    assert (ROOT / "LICENSE").read_text().startswith("BSD 3-Clause License")
-    assert "SPDX-License-Identifier: CC-BY-4.0" in (ROOT / "LICENSE-TEXT").read_text()
-    assert "## [Unreleased]" in (ROOT / "CHANGELOG.md").read_text()
+def test_the_gate_is_a_sound_script_that_others_call() -> None:
+    assert not faults_of_gate(ROOT)
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new", "faults", "words"),
+    [
+        ("environment-lab.txt", "jinja2==", "--index-url https://a.org\njinja2==", faults_of_lock, "://"),
+        ("environment-lab.txt", r"jinja2==(\S+) .*(\n +--hash.*)+", r"jinja2==\1", faults_of_lock, "jinja2=="),
+        ("environment-lab.txt", "jinja2==", "jinja2==0.", faults_of_lock, "jinja2"),
+        ("environment-lab.in", r"\Z", "\nnowhere>=2\n", faults_of_lock, "nowhere>=2"),
+        ("environment.txt", "numba==", "numba==0.0.", faults_of_package, "numba"),
+        ("environment.in", r"(?m)^scipy.*\n", "", faults_of_package, "scipy"),
+        ("pyproject.toml", 'version = "', 'version = "9.', faults_of_package, "9."),
+        ("CITATION.cff", "(?m)^title:", "name:", faults_of_package, "title"),
+        ("CITATION.cff", "BSD-3-Clause", "MIT", faults_of_package, "MIT"),
+        ("LICENSE", "BSD 3-Clause", "MIT", faults_of_package, "LICENSE lacks"),
+        ("LICENSE-TEXT", "CC-BY-4.0", "none", faults_of_package, "LICENSE-TEXT lacks"),
+        ("CHANGELOG.md", r"\[Unreleased\]", "0.9", faults_of_package, "CHANGELOG.md lacks"),
+        ("Makefile", "(?m)^reference:.*##", "reference:", faults_of_targets, "reference"),
+        (".ci/run", "stage test make test", "stage test make tests", faults_of_gate, "runs other stages"),
+        (".ci/run", r"stage\(\) \{", "stage() {{", faults_of_gate, "is no bash"),
+        (".github/workflows/ci.yml", "bash .ci/run", "true", faults_of_gate, "is not called"),
+    ],
+)
+def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, faults, words: str) -> None:
+    names = [f"{lock}.{kind}" for lock in ("environment", "environment-lab") for kind in ("in", "txt")]
+    names += "pyproject.toml CITATION.cff LICENSE LICENSE-TEXT CHANGELOG.md Makefile .ci/run".split()
+    for name in [*names, ".github/workflows/ci.yml"]:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    arguments = (tmp_path, "environment-lab") if faults is faults_of_lock else (tmp_path,)
+    assert not faults(*arguments)
+    text, count = re.subn(old, new, (tmp_path / path).read_text(), count=1)
+    assert count == 1
+    (tmp_path / path).write_text(text)
+    found = faults(*arguments)
+    assert any(words in fault for fault in found), found
+
+
+def beside_the_package(names: list[str]) -> list[str]:
+    """Files of a wheel that are neither the package's nor its metadata's."""
+    return [name for name in names if not name.startswith(("geokalman/", "geokalman-"))]
 
 
 def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
@@ -99,7 +180,8 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     assert {"geokalman/py.typed", "geokalman/files.py", "geokalman/kalman/__init__.py"} <= set(names)
-    assert [n for n in names if not n.startswith(("geokalman/", "geokalman-"))] == ["geokalman_entry.py"]
+    assert not beside_the_package(names)
+    assert beside_the_package([*names, "book/index.md"]) == ["book/index.md"]
     away = tmp_path / "away"
     away.mkdir()
     zipfile.ZipFile(wheel).extractall(away)
@@ -111,12 +193,6 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", code], cwd=away, env=environment, capture_output=True, text=True)
     assert done.returncode == 1
     assert "the installed package carries the algorithms alone" in done.stderr
-
-
-def test_make_has_the_targets_that_others_script_against() -> None:
-    text = (ROOT / "Makefile").read_text()
-    wanted = "env book test check reference run notebooks lab bench clean".split()
-    assert [t for t in wanted if not re.search(rf"^{t}:.*## ", text, re.M)] == []
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
@@ -136,16 +212,6 @@ def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
     assert make("run", "NB=grace-fusion/04-ukf", "P=days=5 mu=3", "QUICK=1", "OUT=/tmp/a b").stdout == (
         "called: run grace-fusion/04-ukf days=5 mu=3 --quick --out /tmp/a b\n"
     )
-
-
-def test_the_gate_is_a_sound_script_that_others_call() -> None:
-    script = ROOT / ".ci" / "run"
-    assert os.access(script, os.X_OK)
-    subprocess.run(["bash", "-n", str(script)], check=True)
-    text = script.read_text()
-    assert text.index("make test") < text.index("make book") < text.index("make check")
-    steps = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["all"]["steps"]
-    assert "bash .ci/run" in [step.get("run") for step in steps]
 
 
 @pytest.fixture

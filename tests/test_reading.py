@@ -32,7 +32,9 @@ def test_numbers_of_c_and_fortran(text, value):
     assert reading.number(text) == value
 
 
-@pytest.mark.parametrize("text", ["", "x", "1,5", "nan", "inf", "-Infinity", "1_000", "0x10", "1.5D", "D3", "1 2", "١٢x"])
+@pytest.mark.parametrize(
+    "text", ["", "x", "1,5", "nan", "inf", "-Infinity", "1_000", "0x10", "1.5D", "D3", "1 2", "١٢x"]
+)
 def test_what_is_no_number_is_said_with_the_word(text):
     with pytest.raises(ValueError, match="is not (a number|finite)") as caught:
         reading.number(text)
@@ -87,7 +89,13 @@ def test_a_cut_file_is_one_sentence(tmp_path, pack, cut):
 
 @pytest.mark.parametrize(
     ("encoding", "mark"),
-    [("utf-8", b""), ("utf-8", b"\xef\xbb\xbf"), ("utf-16-le", b"\xff\xfe"), ("utf-16-be", b"\xfe\xff"), ("latin-1", b"")],
+    [
+        ("utf-8", b""),
+        ("utf-8", b"\xef\xbb\xbf"),
+        ("utf-16-le", b"\xff\xfe"),
+        ("utf-16-be", b"\xfe\xff"),
+        ("latin-1", b""),
+    ],
 )
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_encodings_and_line_ends(tmp_path, encoding, mark, end):

@@ -87,7 +87,7 @@ def test_nothing_edited_since_it_was_read():
 def in_copy(package: Path, code: str, **environment: str) -> list[str]:
     env = {k: v for k, v in os.environ.items() if not k.startswith(("GEOKALMAN", "NUMBA_CACHE"))}
     env |= {"PYTHONPATH": str(package), **environment}
-    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Compile environment*.txt from environment*.in: one version of each package for Python 3.11 to 3.13, wheels only, hashed.
+# Compile the locks from their .in files: one version of each package for Python 3.11 to 3.13, wheels only, hashed.
+# Then try each lock, without installing anything, on every machine that tools/environment.py accepts.
 set -eu
 cd "$(dirname "$0")/.."
 uv=${1:-uv}
@@ -10,4 +11,18 @@ compile() {
 compile environment.in -o environment.txt
 for extra in test lab; do
     compile -c environment.txt "environment-$extra.in" -o "environment-$extra.txt"
+done
+compile tools/uv.in -o tools/uv.txt
+
+nowhere=$(mktemp -d)
+trap 'rm -rf "$nowhere"' EXIT
+export MACOSX_DEPLOYMENT_TARGET=14.0
+for lock in environment.txt environment-test.txt environment-lab.txt tools/uv.txt; do
+    for machine in x86_64-manylinux_2_28 aarch64-manylinux_2_28 aarch64-apple-darwin; do
+        for python in 3.11 3.12 3.13; do
+            "$uv" pip install --quiet --dry-run --target "$nowhere" --python-platform "$machine" \
+                --python-version "$python" --no-deps --require-hashes --only-binary :all: -r "$lock" ||
+                { echo "$lock cannot be installed on $machine with Python $python." >&2; exit 1; }
+        done
+    done
 done

@@ -54,8 +54,26 @@ def sha256(path: Path) -> str:
 
 
 def registry(root: Path | None = None) -> dict[str, dict]:
-    """`data/registry.json`: relative path -> {sha256, bytes, source, licence, script, ...} of every vendored file."""
-    return json.loads(((root or project_root()) / "data" / "registry.json").read_text(encoding="utf-8"))
+    """`data/registry.json`: relative path -> {sha256, bytes, source, licence, script, ...} of every vendored file.
+
+    Raises CorruptedData where it is no such register.
+    """
+    path = (root or project_root()) / "data" / "registry.json"
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+        all(entry["sha256"] for entry in entries.values())
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise CorruptedData(
+            f"{path} is damaged: it does not give the SHA-256 of each file; "
+            "restore it with: git checkout -- data/registry.json"
+        ) from None
+    return entries
+
+
+def check_data(root: Path | None = None) -> None:
+    """Raise as `data_path` does for the first vendored file that is missing or not as registered."""
+    for name in registry(root):
+        data_path(name, root)
 
 
 def data_path(name: str, root: Path | None = None) -> Path:

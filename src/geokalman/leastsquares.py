@@ -23,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse.linalg import LinearOperator, eigsh
 
+from geokalman.kalman.checks import plain
+
 Array = NDArray[np.float64]
 Arc = TypeVar("Arc")
 
@@ -104,7 +106,7 @@ class NormalEquations:
             For shapes that do not fit, a weight that is negative or not finite, a prior that is not finite.
         """
         w = _weights(weights, self.n, "one per unknown")
-        prior = np.asarray(prior, dtype=float)
+        prior = plain("prior", prior)
         prior = np.broadcast_to(prior[:, None] if prior.ndim == 1 else prior, (self.n, self.q))
         if not np.all(np.isfinite(prior)):
             raise ValueError(f"The prior of {self._name(int(np.argwhere(~np.isfinite(prior))[0][0]))} is not finite.")
@@ -192,7 +194,7 @@ class NormalEquations:
     def _checked(
         self, block: ArrayLike, rhs: ArrayLike, weights: ArrayLike | None
     ) -> tuple[Array, Array, Array | None]:
-        A, y = np.asarray(block, dtype=np.float64), np.asarray(rhs, dtype=np.float64)
+        A, y = plain("a block of observations", block), plain("the right-hand side of a block", rhs)
         y = y[:, None] if y.ndim == 1 else y
         if A.ndim != 2 or A.shape[1] != self.n:
             raise ValueError(f"A block of observations has shape {A.shape}; (k, {self.n}) is right.")
@@ -238,7 +240,7 @@ class Solution:
 
     def solve(self, rhs: ArrayLike) -> Array:
         """x of N x = rhs, (n,) or (n, q)."""
-        rhs = np.asarray(rhs, dtype=np.float64)
+        rhs = plain("rhs", rhs)
         scale = self.scale if rhs.ndim == 1 else self.scale[:, None]
         x, _ = lapack.dpotrs(self.factor, scale * rhs, lower=1)
         return scale * x
@@ -349,7 +351,7 @@ def _in_order(
 
 
 def _weights(weights: ArrayLike, size: int, right: str) -> Array:
-    w = np.asarray(weights, dtype=float)
+    w = plain("weights", weights)
     if w.ndim > 1 or (w.ndim == 1 and w.size != size):
         raise ValueError(f"weights has shape {w.shape}; a scalar or ({size},), {right}, is right.")
     w = np.broadcast_to(w, size)

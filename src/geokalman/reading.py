@@ -70,13 +70,14 @@ class Place(NamedTuple):
 
 def number(text: str) -> float:
     """A finite float as C or Fortran write it: 1.5e-3, 1.5D-03, 1.5-103. Raises ValueError in one sentence."""
-    plain = text.strip()
-    if _FORTRAN.fullmatch(plain):
-        plain = plain.replace("D", "e").replace("d", "e")
-    elif split := _NO_EXPONENT_LETTER.fullmatch(plain):
-        plain = f"{split[1]}e{split[2]}"
+    plain = "" if "_" in text else text.strip()
     try:
-        value = float("" if "_" in plain else plain)
+        try:
+            value = float(plain)
+        except ValueError:  # the rare forms are tried last: files have millions of numbers
+            split = _NO_EXPONENT_LETTER.fullmatch(plain)
+            fortran = plain.upper().replace("D", "E") if _FORTRAN.fullmatch(plain) else ""
+            value = float(f"{split[1]}e{split[2]}" if split else fortran)
     except ValueError:
         cure = "; the decimal mark is a point" if re.fullmatch(r"[+-]?\d+,\d+", plain) else ""
         raise ValueError(f"{_shown(text)} is not a number{cure}.") from None
@@ -148,9 +149,10 @@ def read_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputErro
 
 
 def lines(
-    path: str | os.PathLike, what: str = "file", kind: type[InputError] = InputError
+    path: str | os.PathLike, what: str = "file", kind: type[InputError] = InputError, keep_ends: bool = False
 ) -> Iterator[tuple[Place, str]]:
-    """Lines of a text file (without their ends) with their places.
+    """Lines of a text file with their places, without their ends unless `keep_ends` (then each ends in "\\n", but the
+    last one of a file that was cut).
 
     Raises as `open_bytes`, and InputError for damage, for bytes that are no text, and for a line beyond `MAX_LINE`.
     """
@@ -169,7 +171,7 @@ def lines(
                     raise place.error(f"the line is longer than {MAX_LINE} characters; this is no text {what}.")
                 if "\0" in line:
                     raise place.error(f"a zero byte stands there; this is no text {what}.")
-                yield place, _decoded(line).rstrip("\n")
+                yield place, _decoded(line) if keep_ends else _decoded(line).rstrip("\n")
         except InputError:
             raise
         except _DAMAGED as error:

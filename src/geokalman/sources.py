@@ -18,6 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from geokalman import compilation
+
 PACKAGE = "geokalman"
 PACKAGE_DIR = Path(__file__).resolve().parent
 _KEEP_COMPILED = 4  # compilation caches of earlier sources kept beside the present one
@@ -130,6 +132,7 @@ def key_compilation_cache() -> Path:
         folder.mkdir(exist_ok=True)
     else:
         _prune(home, keep=folder)
+    compilation.watch()
     os.environ["GEOKALMAN_NUMBA_HOME"] = str(home)
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
     if "numba" in sys.modules:  # imported before us: its settings were read already

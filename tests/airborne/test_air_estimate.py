@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from geokalman import memory
 from geokalman.airborne import backward, classical, model, simulate, trial, tune
 from geokalman.airborne.estimate import estimate, innovation_log_likelihood, run_filter, settled
 from geokalman.airborne.model import Tuning, build
@@ -204,3 +205,9 @@ def test_low_pass_filters_on_a_line(flown):
 
 def test_settled_filter_is_a_line_without_data():
     assert np.all(settled(Tuning(), 65.0).smoothed.gravity == 0.0)
+
+
+def test_a_low_pass_that_memory_does_not_hold_is_refused():
+    sentence = r"^The gain of a low-pass of 280 s in steps of 1e-09 s needs .* TB of memory, and .*; give a longer dt\.$"
+    with pytest.raises(memory.TooLarge, match=sentence):
+        classical.fir_gain(280.0, 1e-9, np.linspace(0.0, 0.1, 300))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from geokalman import memory
 from geokalman.airborne import assess, joint, level
 from geokalman.airborne.model import Line, Tuning, build
 from geokalman.airborne.read import Flight
@@ -190,3 +191,12 @@ def test_paired_differences_and_their_blocks():
     assert one.mean == -2.0 and one.better == 12 and one.count == 12
     assert one.error == pytest.approx(np.std(theirs - ours, ddof=1) / np.sqrt(12))
     assert one.block_error == pytest.approx(np.sqrt(2) / np.sqrt(2))
+
+
+def test_a_field_that_memory_does_not_hold_is_refused(toy, monkeypatch):
+    """Both the normal matrix and the rows of 14 lines of 65 knots, twice each, 8 bytes a number."""
+    monkeypatch.setattr(memory, "available", lambda: 1e8)
+    waves = replace(BOX, n_max=40)
+    size = memory.text(16 * waves.count * (waves.count + 14 * 65))
+    with pytest.raises(memory.TooLarge, match=rf"^A field of {waves.count} unknowns needs {size} of memory, .*lower n_max"):
+        joint.joint_field(toy[0], waves=waves)

@@ -34,7 +34,7 @@ def test_equations_3_5_and_6_agree():
         q = exp(rng.standard_normal(3))
         np.testing.assert_allclose(phi(w, 0.7), expm(0.5 * omega_matrix(w) * 0.7), atol=1e-14)
         np.testing.assert_allclose(phi(w, 0.7) @ q, multiply(q, exp(0.7 * w)), atol=1e-14)
-        np.testing.assert_allclose(0.5 * omega_matrix(w) @ q, 0.5 * multiply(q, np.array([0.0, *w])), atol=1e-15)
+        np.testing.assert_allclose(0.5 * omega_matrix(w) @ q, 0.5 * multiply(q, np.array([0.0, *w])), atol=2e-15)
 
 
 def test_the_filter_predicts_by_equation_5():
@@ -57,18 +57,18 @@ def test_appendix_a():
     theta = 0.3
     q = np.array([np.cos(theta), *(np.sin(theta) * n)])
     R = matrix(q)
-    assert np.trace(R) == pytest.approx(1 + 2 * np.cos(2 * theta), abs=1e-15)
-    np.testing.assert_allclose(R @ n, n, atol=1e-15)
+    assert np.trace(R) == pytest.approx(1 + 2 * np.cos(2 * theta), abs=4e-15)
+    np.testing.assert_allclose(R @ n, n, atol=2e-15)
     p = 2.5 * exp(np.array([0.1, 0.4, -0.2]))
     inverse = p * np.array([1, -1, -1, -1]) / (p @ p)
-    np.testing.assert_allclose(multiply(inverse, p), [1, 0, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(multiply(inverse, p), [1, 0, 0, 0], atol=2e-15)
 
 
 def test_log_and_twice_the_vector_part_agree_at_the_size_of_noise():
     """Romans (2003) has 2 vec(q* p); it is short of Log by angle^3 / 24, and by a tenth at 90 degrees."""
     for angle, short in ((1e-4, 1e-4**2 / 24), (np.pi / 2, 0.0997)):
         q = exp(angle * np.array([0.6, 0.0, 0.8]))
-        assert 1 - np.linalg.norm(2 * q[1:]) / np.linalg.norm(log(q)) == pytest.approx(short, rel=1e-2, abs=1e-15)
+        assert 1 - np.linalg.norm(2 * q[1:]) / np.linalg.norm(log(q)) == pytest.approx(short, rel=1e-2, abs=2e-15)
 
 
 def test_a_start_with_twice_the_vector_part_stays_wrong(hours, solved, tuning):
@@ -140,7 +140,7 @@ def test_the_additive_filter_starts_from_anywhere_with_a_prior_of_full_rank(hour
     error = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(5), 60, "akf7")
     assert error[10:].max() < 3e-5
     cov = solved["C"].solutions["akf7"].cov[-1]
-    np.testing.assert_allclose(cov, solved["C"].solutions["mekf"].cov[-1], rtol=2e-3, atol=1e-16)
+    np.testing.assert_allclose(cov, solved["C"].solutions["mekf"].cov[-1], rtol=2e-3, atol=2e-15)
 
 
 def test_an_offset_of_time_is_pitch_and_has_two_signs(hours):

@@ -14,7 +14,7 @@ from geokalman.attitude import flight as flights
 from geokalman.attitude.estimate import Measured
 from geokalman.attitude.flight import solve
 from geokalman.attitude.gyro import GyroWarning
-from geokalman.attitude.level1 import Level1Error
+from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import AXES, WRAP_DEG, Scenario, Tuning
 from geokalman.kalman import NotPositiveDefinite
 from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold

@@ -21,7 +21,8 @@ from geokalman.attitude import flight as flights
 from geokalman.attitude import read as day
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.legacy import read_grace
-from geokalman.attitude.level1 import END, Level1Error, Level1Warning, Table, flag_meanings, read
+from geokalman.attitude.header import END, Level1Error, flag_meanings
+from geokalman.attitude.level1 import Level1Warning, Table, read
 from geokalman.attitude.model import EPOCH_2019, Scenario, Tuning
 from geokalman.attitude.products import GRACE_FO, KEYS
 from geokalman.physics.quaternion import continuous, difference
@@ -51,8 +52,8 @@ def columns_of(product, n=200, seed=0):
             out[column.name] = np.full(n, "I")
         elif column.name in ("gyro_id", "sca_id"):
             out[column.name] = 1 + np.arange(n) % 3
-        elif column.name == "FiltAng":
-            out[column.name] = rng.uniform(-5758, 5758, n)
+        elif column.kind == "float" and np.isfinite(column.high):
+            out[column.name] = rng.uniform(column.low, column.high, n)
         elif column.kind == "int":
             out[column.name] = rng.integers(0, 1000, n)
         elif column.kind == "float":
@@ -250,7 +251,7 @@ def test_gyro_angles_beyond_their_range_are_bad(tmp_path):
     k = edit(
         path, lambda body: [*body[:3], " ".join([*body[3].split()[:5], "9999.0", body[3].split()[6]]) + "\n", *body[4:]]
     )
-    with pytest.warns(Level1Warning, match=rf"line {k + 4}: column 6 \(FiltAng\) is 9999.0, beyond \+-5759"):
+    with pytest.warns(Level1Warning, match=rf"line {k + 4}: column 6 \(FiltAng\) is 9999.0, outside -5759 to 5759"):
         assert len(read(path)) == 199
 
 
@@ -506,7 +507,7 @@ def test_the_whole_way_through_files(short, folder, tuning):
         assert np.abs(back.raw[s].t_gyro - short.raw[s].t_gyro).max() < 6e-7  # tags are printed to a microsecond
         same = np.isfinite(short.raw[s].q_camera)
         np.testing.assert_array_equal(back.raw[s].q_camera[same], short.raw[s].q_camera[same])
-        np.testing.assert_allclose(back.raw[s].q_qsa, short.raw[s].q_qsa, atol=1e-15)
+        np.testing.assert_allclose(back.raw[s].q_qsa, short.raw[s].q_qsa, atol=2e-15)
         one, two = flights.solve(short, s, tuning, ("mekf",)), flights.solve(back, s, tuning, ("mekf",))
         assert np.nanmax(np.abs(difference(one.solutions["mekf"].q, two.solutions["mekf"].q))) < 2e-9
         np.testing.assert_allclose(back.accelerations[s], 1e-8)
@@ -522,8 +523,8 @@ def test_what_a_folder_lacks_is_said(folder, tmp_path, short):
     write.write_raw(tmp_path, short.raw["C"])
     with pytest.raises(Level1Error, match="no file SCA1A_2019-01-01_D.*the files of both satellites are needed"):
         flights.flight(Scenario(), 0, str(tmp_path))
-    (tmp_path / "SCA1A_2019-01-01_D_04.txt.gz").write_bytes(b"")
-    with pytest.raises(Level1Error, match="unpack SCA1A_2019-01-01_D_04.txt.gz"):
+    (tmp_path / "SCA1A_2019-01-01_D_04.txt.zip").write_bytes(b"")
+    with pytest.raises(Level1Error, match="unpack SCA1A_2019-01-01_D_04.txt.zip"):
         flights.flight(Scenario(), 0, str(tmp_path))
     next(tmp_path.glob("QSA1B*")).unlink()
     with pytest.warns(Level1Warning, match="The mounting of GRACE-C that the book holds is used"):
@@ -591,7 +592,7 @@ def test_files_are_filtered_at_2_hz(tmp_path, short, tuning, offset):
 def test_the_synthetic_fixture_of_the_older_layout():
     sca = read_grace(FIXTURES / "SCA1B_2003-09-14_A_00.asc")
     np.testing.assert_array_equal(sca["gps_time"], 116769600 + 5 * np.arange(6))
-    np.testing.assert_allclose(sca["quatangle"], np.cos(0.01 * np.arange(6)), atol=1e-15)
+    np.testing.assert_allclose(sca["quatangle"], np.cos(0.01 * np.arange(6)), atol=2e-15)
     assert sca.header["SATELLITE NAME"] == "GRACE A"
     kbr = read_grace(FIXTURES / "KBR1B_2003-09-14_X_00.asc", "KBR1B")
     np.testing.assert_array_equal(kbr["biased_range"], 1000.0 - 0.5 * np.arange(4))

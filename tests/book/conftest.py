@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib.util
 import os
 import shutil
@@ -86,6 +87,24 @@ def run_notebook(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
         return out
 
     return executed
+
+
+@pytest.fixture(scope="session")
+def assert_drawn() -> Callable[..., None]:
+    """Fails unless a run has figures, each drawn in two themes and, `without_data` excepted, kept with its numbers."""
+
+    def check(folder: Path, without_data: Iterable[str] = ()) -> None:
+        figures = reference.read_run(folder)[0]["figures"]
+        assert figures, "no figure"
+        for figure in figures:
+            light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
+            assert min(len(light), len(dark)) > 1000 and light != dark, f"{figure} is not drawn twice"
+            if figure not in without_data:
+                with open(folder / "figures" / f"{figure}.csv", encoding="utf-8", newline="") as file:
+                    table = list(csv.reader(file))
+                assert len(table) > 1 and len({len(row) for row in table}) == 1, f"{figure} has no table of numbers"
+
+    return check
 
 
 @pytest.fixture(scope="session")

@@ -34,10 +34,6 @@ def run(run_notebook) -> Callable[..., Path]:
     return partial(run_notebook, PAPER)
 
 
-def test_there_are_thirteen_notebooks():
-    assert len(QUICK) == 13
-
-
 @pytest.mark.parametrize("name", ANCHORED)
 def test_anchors_of_the_specification(run, assert_held, name):
     wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
@@ -54,13 +50,8 @@ def test_stored_reference(run, assert_held, name):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_figures_are_drawn_twice_with_their_data(run, name):
-    folder = run(name)
-    for figure in reference.read_run(folder)[0]["figures"]:
-        light, dark = ((folder / "figures" / f"{figure}.{theme}.png").read_bytes() for theme in ("light", "dark"))
-        assert light != dark and len(light) > 1000
-        if figure not in DRAWINGS:
-            assert (folder / "figures" / f"{figure}.csv").stat().st_size > 40, figure
+def test_figures_are_drawn_twice_with_their_data(run, assert_drawn, name):
+    assert_drawn(run(name), DRAWINGS)
 
 
 def test_the_joint_quick_run_beats_the_line_product_with_a_coarse_field(run):

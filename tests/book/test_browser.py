@@ -58,8 +58,13 @@ def pages(book: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def visits(browser, book: Path) -> list[Visit]:
-    axe = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+def axe() -> str:
+    """The source of axe-core."""
+    return files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def visits(browser, axe: str, book: Path) -> list[Visit]:
     found = []
     for theme, viewport in (("light", WIDE), ("dark", WIDE), ("light", PHONE)):
         context = browser.new_context(color_scheme=theme, viewport=viewport)
@@ -90,11 +95,23 @@ def _visit(page, path: Path, visit: Visit, axe: str) -> Visit:
     return visit
 
 
-def none_of(visits: list[Visit], what: Callable[[Visit], object]) -> None:
-    """Fail with all that `what` finds, page by page."""
-    found = [f"{visit}: {what(visit)}" for visit in visits if what(visit)]
-    if found:
-        pytest.fail("\n".join(found), pytrace=False)
+def apart(visit: Visit) -> list[str]:
+    """What is wrong with the twins of a page: its theme, a twin too many or few, the twin of the other theme."""
+    theme = [] if visit.seen["theme"] == visit.theme else [f"theme {visit.seen['theme']}"]
+    count = [] if len(visit.seen["shown"]) == visit.seen["twins"] else ["a twin is missing or shown beside the other"]
+    return [*theme, *count, *(name for name in visit.seen["shown"] if f"twin-{visit.theme}" not in name)]
+
+
+FAULTS: dict[str, Callable[[Visit], object]] = {
+    "another host is asked": lambda v: [u for u in v.requests if not u.startswith(("file:", "data:", "blob:"))],
+    "a file is missing": lambda v: v.missing or v.seen["broken"],
+    "a script fails": lambda v: v.errors,
+    "an equation is not rendered": lambda v: v.seen["unrendered"] or v.seen["failed"],
+    "an image has no text alternative": lambda v: v.seen["silent"],
+    "the twin of the other theme is shown": apart,
+    "a phone scrolls sideways": lambda v: v.width == PHONE["width"] and max(v.seen["wide"], v.seen["wide open"]) > 0,
+    "somebody is shut out": lambda v: v.violations,
+}
 
 
 def test_every_page_of_the_contents_is_there(visits: list[Visit], book: Path) -> None:
@@ -102,42 +119,40 @@ def test_every_page_of_the_contents_is_there(visits: list[Visit], book: Path) ->
     assert "index.html" in wanted and wanted | {"search.html"} <= {visit.page for visit in visits}
 
 
-def test_nothing_is_asked_of_another_host(visits: list[Visit]) -> None:
-    none_of(visits, lambda v: [u for u in v.requests if not u.startswith(("file:", "data:", "blob:"))])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_no_page_has_the_fault(visits: list[Visit], fault: str) -> None:
+    assert sum(visit.seen["math"] for visit in visits) > 0 and sum(visit.seen["twins"] for visit in visits) > 0
+    found = [f"{visit}: {FAULTS[fault](visit)}" for visit in visits if FAULTS[fault](visit)]
+    if found:
+        pytest.fail("\n".join(found), pytrace=False)
 
 
-def test_no_file_is_missing(visits: list[Visit]) -> None:
-    none_of(visits, lambda v: v.missing or v.seen["broken"])
+_DOT = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
 
 
-def test_no_script_fails(visits: list[Visit]) -> None:
-    none_of(visits, lambda v: v.errors)
-
-
-def test_equations_are_rendered(visits: list[Visit]) -> None:
-    assert sum(visit.seen["math"] for visit in visits) > 0
-    none_of(visits, lambda v: v.seen["unrendered"] or v.seen["failed"])
-
-
-def test_images_have_a_text_alternative(visits: list[Visit]) -> None:
-    none_of(visits, lambda v: v.seen["silent"])
-
-
-def test_the_theme_of_the_reader_decides_which_twin_is_shown(visits: list[Visit]) -> None:
-    assert sum(visit.seen["twins"] for visit in visits) > 0
-    none_of(visits, lambda v: v.seen["theme"] != v.theme)
-    none_of(visits, lambda v: len(v.seen["shown"]) != v.seen["twins"])
-    none_of(visits, lambda v: [name for name in v.seen["shown"] if f"twin-{v.theme}" not in name])
-
-
-def test_a_phone_does_not_scroll_sideways(visits: list[Visit]) -> None:
-    narrow = [visit for visit in visits if visit.width == PHONE["width"]]
-    assert narrow
-    none_of(narrow, lambda v: max(v.seen["wide"], v.seen["wide open"]) > 0)
-
-
-def test_accessibility(visits: list[Visit]) -> None:
-    none_of(visits, lambda v: "".join(f"\n  {violation}" for violation in v.violations))
+@pytest.mark.parametrize(
+    ("fault", "planted"),
+    [
+        (None, f'<img src="{_DOT}" alt="a dot"><span class="math"><mjx-container></mjx-container></span>'),
+        ("another host is asked", '<script>fetch("http://127.0.0.1:9/").catch(() => 0)</script>'),
+        ("a file is missing", '<link rel="stylesheet" href="lost.css">'),
+        ("a script fails", "<script>throw new Error('planted')</script>"),
+        ("an equation is not rendered", '<span class="math">x</span>'),
+        ("an equation is not rendered", "<mjx-merror>x</mjx-merror>"),
+        ("an image has no text alternative", f'<article><img src="{_DOT}" alt=""></article>'),
+        ("the twin of the other theme is shown", f'<img class="twin-dark" alt="a dot" src="{_DOT}">'),
+        ("a phone scrolls sideways", '<div style="width: 900px">wide</div>'),
+        ("somebody is shut out", '<p style="color: #ccc; background: #fff">pale</p>'),
+    ],
+)
+def test_a_planted_fault_is_seen(browser, axe: str, tmp_path: Path, fault: str | None, planted: str) -> None:
+    page = f'<html lang="en" data-theme="light"><title>A page</title><main><h1>A page</h1>{planted}</main></html>'
+    (tmp_path / "page.html").write_text(f"<!doctype html>{page}", encoding="utf-8")
+    context = browser.new_context(color_scheme="light", viewport=PHONE)
+    visit = _visit(context.new_page(), tmp_path / "page.html", Visit("page", "light", PHONE["width"]), axe)
+    context.close()
+    found = {name for name, look in FAULTS.items() if look(visit)}
+    assert fault in found if fault else not found, (found, visit)
 
 
 @pytest.fixture(scope="module")
@@ -170,14 +185,28 @@ def test_search_finds(browser, book: Path, served: str, where: str, word: str) -
     page.close()
 
 
-def test_every_download_and_link_leads_somewhere(book: Path) -> None:
-    dead, found = [], 0
+def links(book: Path) -> tuple[list[str], list[str]]:
+    """Links and downloads within a book that lead somewhere, and those that do not."""
+    found: tuple[list[str], list[str]] = ([], [])
     for name in pages(book):
         for link in re.findall(r'<a\b[^>]*\bhref="([^"#]+)', (book / name).read_text(encoding="utf-8")):
             url = urllib.parse.urlsplit(html.unescape(link))
             if not url.scheme:
-                found += 1
-                if not ((book / name).parent / urllib.parse.unquote(url.path)).exists():
-                    dead.append(f"{name}: {link}")
-    assert found > 0
-    assert not dead
+                there = ((book / name).parent / urllib.parse.unquote(url.path)).exists()
+                found[not there].append(f"{name}: {link}")
+    return found
+
+
+def test_every_download_and_link_leads_somewhere(book: Path) -> None:
+    good, dead = links(book)
+    assert good and not dead
+
+
+def test_a_dead_link_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "a b.csv").touch()
+    (tmp_path / "page.html").write_text(
+        '<a class="x" href="a%20b.csv">data</a> <a href="#here">here</a> <a href="https://a.org/gone">there</a> '
+        '<a href="gone.html#part">gone</a>',
+        encoding="utf-8",
+    )
+    assert links(tmp_path) == (["page.html: a%20b.csv"], ["page.html: gone.html"])

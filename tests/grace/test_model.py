@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
+from geokalman import memory
 from geokalman.grace import model
 from geokalman.grace.differentiate import derivative
 from geokalman.grace.model import Observations, Scenario, Tuning, distance, kinematic, range_acceleration, range_rate
@@ -29,7 +30,7 @@ def test_range_rate_is_the_derivative_of_the_range(states):
     dr, dv, _ = states
     moved = dr + 1e-20j * dv
     rho = np.sqrt(np.einsum("ij,ij->i", moved, moved))
-    np.testing.assert_allclose(distance(dr), rho.real, rtol=1e-15)
+    np.testing.assert_allclose(distance(dr), rho.real, rtol=2e-15)
     np.testing.assert_allclose(range_rate(dr, dv), rho.imag / 1e-20, rtol=1e-12, atol=1e-10)
 
 
@@ -104,7 +105,7 @@ def test_transition_is_the_exponential_and_a_semigroup():
     Phi, _ = kinematic(30.0, 1.0)
     assert Phi.shape == (9, 9)
     np.testing.assert_allclose(Phi, expm(30.0 * A), rtol=1e-13)
-    np.testing.assert_allclose(kinematic(12.5, 1.0)[0] @ kinematic(17.5, 1.0)[0], Phi, rtol=1e-15)
+    np.testing.assert_allclose(kinematic(12.5, 1.0)[0] @ kinematic(17.5, 1.0)[0], Phi, rtol=2e-15)
 
 
 def test_process_noise_is_the_integral_15():
@@ -174,7 +175,7 @@ def test_parameters_of_a_notebook_carry_their_units():
     ],
 )
 def test_default_step_divides_the_sampling_interval(integrator, dt, step):
-    assert model.default_step(integrator, dt) == pytest.approx(step, rel=1e-15)
+    assert model.default_step(integrator, dt) == pytest.approx(step, rel=2e-15)
     Scenario(dt=dt, integrator=integrator, h=model.default_step(integrator, dt), n_max=2)
 
 
@@ -232,7 +233,7 @@ def test_tuning_in_numbers():
     """Section 3: lambda_q = 4250 and mu = 9 are q = 1.74897e-10 and 3e-4 m/s."""
     t = Tuning()
     assert t.q(30.0) == pytest.approx(1.74897e-10, rel=1e-5)
-    assert t.sigma_rr(30.0) == pytest.approx(3.0e-4, rel=1e-15)
+    assert t.sigma_rr(30.0) == pytest.approx(3.0e-4, rel=2e-15)
     back = Tuning.from_densities(30.0, t.q(30.0), 1e-3, 3e-4, kappa=1.0)
     assert (back.lambda_q, back.mu, back.kappa) == (pytest.approx(4250.0), pytest.approx(9.0), 1.0)
 
@@ -342,3 +343,14 @@ def test_a_prior_is_finite_symmetric_and_positive_definite():
         Observations(**series(prior_mean=np.r_[np.zeros(8), np.nan]))
     with pytest.raises(ValueError, match=r"prior_cov has the shape \(3, 3\), it must be \(9, 9\)"):
         Observations(**series(prior_cov=np.eye(3)))
+
+
+def test_more_epochs_than_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: 8e9)
+    sentence = (
+        "^A pair of orbits of 34560000001 epochs, with its filters, needs 104 TB of memory, and 8 GB are available; "
+        r"give fewer days or a longer dt\.$"
+    )
+    with pytest.raises(memory.TooLarge, match=sentence):
+        Scenario(days=400.0, dt=1e-3, h=1e-3)
+    assert Scenario(days=400.0).epochs == 1152001  # 3.5 GB

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geokalman import memory, progress
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess, observables, recover
 from geokalman.grace.model import distance
@@ -169,9 +170,11 @@ def test_all_observables_at_once_are_each_alone(day, exact):
 def test_blocks_do_not_matter(day, exact, monkeypatch):
     whole = recover.recover(day.orbit, day.gravity, exact, edge=0)
     monkeypatch.setattr(recover, "BLOCK", 60)
-    done: list[float] = []
-    parts = recover.recover(day.orbit, day.gravity, exact, edge=0, progress=done.append)
-    assert done == [0.2, 0.4, 0.6, 0.8, 1.0]
+    done: list[tuple[str, float]] = []
+    progress.listen(lambda *told: done.append(told))
+    parts = recover.recover(day.orbit, day.gravity, exact, edge=0)
+    progress.listen(None)
+    assert done == [("normal equations", share) for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)]
     np.testing.assert_allclose(parts.C, whole.C, rtol=0, atol=1e-12)
     with ThreadPoolExecutor(2) as pool:
         spread = recover.recover(day.orbit, day.gravity, exact, edge=0, executor=pool)
@@ -266,6 +269,26 @@ def test_an_observable_that_was_not_recovered(day, exact):
 def test_no_observable_at_all(day):
     with pytest.raises(ValueError, match="there is no observable to recover from"):
         recover.recover(day.orbit, day.gravity, {})
+
+
+def test_a_degree_that_memory_does_not_hold_is_refused_before_any_work(day, exact, monkeypatch):
+    """Twice the normal matrix and a block of rows, 8 bytes a number."""
+    monkeypatch.setattr(memory, "available", lambda: 1.2e9)
+    last = max(n for n in range(2, 200) if 8 * ((n + 1) ** 2 - 4) * (2 * ((n + 1) ** 2 - 4) + recover.BLOCK) <= 1.2e9)
+    sentence = (
+        r"^The normal matrix of 40397 coefficients to degree 200, with its inverse, needs 26.8 GB of memory, "
+        rf"and 1.2 GB are available; an n_max of {last} fits\.$"
+    )
+    with pytest.raises(memory.TooLarge, match=sentence):
+        recover.outlook(86401, 200)
+    with pytest.raises(memory.TooLarge, match=sentence):
+        recover.recover(day.orbit, day.gravity, exact, n_max=200)
+    recover.outlook(1000, 20)
+
+
+def test_the_time_of_a_recovery_is_foreseen():
+    """It grows with the epochs, and beyond the sampled part with the unknowns."""
+    assert 0 < recover.outlook(1000, 20) < recover.outlook(10**6, 20) < recover.outlook(10**7, 40) < np.inf
 
 
 def test_an_observable_of_another_length(day, exact):

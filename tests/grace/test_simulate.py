@@ -9,6 +9,7 @@ import numba
 import numpy as np
 import pytest
 
+from geokalman import progress
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess, estimate, simulate
 from geokalman.grace.differentiate import derivative
@@ -185,6 +186,19 @@ def test_a_satellite_that_comes_down_is_reported(tiny):
 
 
 def test_progress_ends_at_one(tiny):
-    seen: list[float] = []
-    simulate.orbit_pair(Scenario(days=0.05, n_max=2), tiny.gravity.truncate(2), seen.append)
-    assert seen and seen[-1] == 1.0
+    seen: list[tuple[str, float]] = []
+    progress.listen(lambda *told: seen.append(told))
+    simulate.orbit_pair(Scenario(days=0.05, n_max=2), tiny.gravity.truncate(2))
+    progress.listen(None)
+    assert seen and seen[-1] == ("orbits", 1.0)
+
+
+def test_the_time_of_an_orbit_is_foreseen():
+    """Gauss-Jackson takes one evaluation in 10 s, DOP853 twelve in 15 s; the time goes with the span."""
+    short = Scenario(days=1.0, n_max=20)
+    gravity = short.gravity()
+    simulate.outlook(short, gravity)  # loads what is compiled
+    one = simulate.outlook(short, gravity)
+    assert 0 < one < simulate.outlook(replace(short, integrator="dop853", h=15.0), gravity)
+    assert one < simulate.outlook(replace(short, days=100.0), gravity)
+    assert simulate.outlook(replace(short, integrator="rk45"), gravity) == 0.0

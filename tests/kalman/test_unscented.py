@@ -71,8 +71,8 @@ def test_weights_and_points_have_the_moments_of_the_state(state, scaling):
 def test_paper_scaling():
     """grace-fusion section 2: alpha = 1, beta = 0, kappa = 2, n = 9 give 2/11 and 1/22."""
     Wm, Wc = weights(9, 1.0, 0.0, 2.0)
-    np.testing.assert_allclose(Wm, np.r_[2 / 11, np.full(18, 1 / 22)], rtol=1e-15)
-    np.testing.assert_allclose(Wc, Wm, rtol=1e-15)
+    np.testing.assert_allclose(Wm, np.r_[2 / 11, np.full(18, 1 / 22)], rtol=2e-15)
+    np.testing.assert_allclose(Wc, Wm, rtol=2e-15)
     assert spread(9, 1.0, 0.0, 2.0) == (np.sqrt(11.0), -1.0)
 
 
@@ -138,7 +138,7 @@ def test_mean_of_a_square_is_exact_at_any_alpha():
     m, P = 1e3, 4.0
     for alpha, beta, kappa in [(1.0, 0.0, 2.0), (1e-2, 2.0, 0.0), (1e-3, 2.0, 0.0)]:
         out = unscented.predict(gaussian([m], [P]), lambda x: x**2, [[0.0]], alpha, beta, kappa)
-        assert out.mean[0] == pytest.approx(m**2 + P, rel=1e-10)
+        assert out.mean[0] == pytest.approx(m**2 + P, rel=8 * np.finfo(float).eps / alpha**2)
         assert out.cov[0, 0] == pytest.approx(4 * m**2 * P + 2 * P**2, rel=1e-8)
 
 
@@ -197,7 +197,7 @@ def test_failing_updates_leave_the_state_alone():
     assert np.array_equal(x, [0, 0]) and np.array_equal(P, np.eye(2))
     mean, D, rest, cov = np.empty(1), np.empty((2, 1)), np.empty((1, 1)), np.empty((1, 1))
     transform_step(chi[:, :1].copy(), np.zeros((1, 1)), c, w, mean, D, rest, cov)
-    assert cov[0, 0] == pytest.approx(1.0, rel=1e-15) and rest[0, 0] == 0.0 and mean[0] == 0.0
+    assert cov[0, 0] == pytest.approx(1.0, rel=2e-15) and rest[0, 0] == 0.0 and mean[0] == 0.0
 
 
 def test_wrong_input_is_named():

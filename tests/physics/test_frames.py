@@ -17,8 +17,8 @@ def test_rotation_z_turns_the_axes():
     """Turning the axes by +a is turning a vector by -a: scipy's active rotation, inverted."""
     angles = np.array([0.0, 0.3, -2.0, 7.0])
     expected = Rotation.from_euler("z", angles[:, None]).inv().as_matrix()
-    np.testing.assert_allclose(frames.rotation_z(angles), expected, atol=1e-15)
-    np.testing.assert_allclose(frames.rotation_z(np.pi / 2) @ [0, 1, 0], [1, 0, 0], atol=1e-16)
+    np.testing.assert_allclose(frames.rotation_z(angles), expected, atol=2e-15)
+    np.testing.assert_allclose(frames.rotation_z(np.pi / 2) @ [0, 1, 0], [1, 0, 0], atol=2e-15)
 
 
 def test_a_fixed_station_moves_eastward_in_space():
@@ -33,9 +33,9 @@ def test_to_ecef_is_the_matrix_and_to_eci_its_inverse(shape):
     R_ecef_eci = frames.ecef_from_eci(t, OMEGA)
     expected = np.einsum("nij,n...j->n...i", R_ecef_eci, v)
     fixed = frames.to_ecef(t, v, OMEGA)
-    np.testing.assert_allclose(fixed, expected, atol=1e-15)
-    np.testing.assert_allclose(frames.to_eci(t, fixed, OMEGA), v, atol=1e-15)
-    np.testing.assert_allclose(frames.to_ecef(t[2], v[2], OMEGA), fixed[2], atol=1e-15)
+    np.testing.assert_allclose(fixed, expected, atol=2e-15)
+    np.testing.assert_allclose(frames.to_eci(t, fixed, OMEGA), v, atol=2e-15)
+    np.testing.assert_allclose(frames.to_ecef(t[2], v[2], OMEGA), fixed[2], atol=2e-15)
 
 
 def test_velocity_is_the_derivative_of_the_fixed_position():
@@ -56,7 +56,7 @@ def test_spherical_coordinates():
 def test_local_frame_follows_the_coordinates():
     r = np.array([[4e6, -3e6, 4.5e6], [-5e6, 1e6, -3e6]])
     R = frames.enu_from_ecef(r)
-    np.testing.assert_allclose(R @ R.swapaxes(1, 2), np.broadcast_to(np.eye(3), (2, 3, 3)), atol=1e-15)
+    np.testing.assert_allclose(R @ R.swapaxes(1, 2), np.broadcast_to(np.eye(3), (2, 3, 3)), atol=2e-15)
     np.testing.assert_allclose(np.linalg.det(R), 1.0)
     radius, lat, lon = frames.spherical(r)
     for row, step, moved in zip(range(3), (1.0, 1.0, 1.0), (lon, lat, radius), strict=True):
@@ -70,7 +70,7 @@ def test_local_frame_follows_the_coordinates():
 
 def test_local_frame_on_the_axis():
     R = frames.enu_from_ecef(np.array([0.0, 0.0, 7e6]))
-    np.testing.assert_allclose(R, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(R, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=2e-15)
 
 
 def test_errors():

@@ -95,7 +95,8 @@ def test_synthesis_agrees_with_pyharm(n_max):
     m, n = np.triu_indices(n_max + 1)
     peer = pyharm.shc.Shc.from_arrays(n_max, C[n, m], S[n, m], 1.0, 1.0)
     wanted = pyharm.shs.point(pyharm.crd.PointGrid.from_arrays(lat, lon, np.ones(lat.size)), peer, n_max)
-    np.testing.assert_allclose(synthesis(C, S, lat, lon), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+    limit = max(8, n_max**2) * np.finfo(float).eps  # rounding grows as n^2 at a pole
+    np.testing.assert_allclose(synthesis(C, S, lat, lon), wanted, rtol=0, atol=limit * np.abs(wanted).max())
 
 
 def test_scattered_points_off_the_sphere_agree_with_pyharm(monkeypatch):
@@ -142,7 +143,8 @@ def test_orders_left_out_near_the_poles_do_not_matter():
     P = legendre(n_max, lat)  # leaves nothing out
     angle = np.arange(n_max + 1)[:, None] * lon
     wanted = np.einsum("inm,nm,mj->ij", P, C, np.cos(angle)) + np.einsum("inm,nm,mj->ij", P, S, np.sin(angle))
-    np.testing.assert_allclose(synthesis(C, S, lat, lon), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+    limit = max(8, n_max**2) * np.finfo(float).eps  # rounding grows as n^2 at a pole
+    np.testing.assert_allclose(synthesis(C, S, lat, lon), wanted, rtol=0, atol=limit * np.abs(wanted).max())
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="minutes without compilation")
@@ -202,8 +204,8 @@ def test_what_does_not_fit_is_refused(call, says):
 def test_cell_centred_grid():
     lat, lon = cell_centred_grid(0.5)
     assert lat.shape == (360,) and lon.shape == (720,)
-    np.testing.assert_allclose(np.degrees(lat[[0, 1, -1]]), [-89.75, -89.25, 89.75], rtol=1e-15)
-    np.testing.assert_allclose(np.degrees(lon[[0, -1]]), [0.25, 359.75], rtol=1e-15)
+    np.testing.assert_allclose(np.degrees(lat[[0, 1, -1]]), [-89.75, -89.25, 89.75], rtol=2e-15)
+    np.testing.assert_allclose(np.degrees(lon[[0, -1]]), [0.25, 359.75], rtol=2e-15)
     assert np.array_equal(lat, -lat[::-1])
 
 
@@ -211,7 +213,7 @@ def test_area_rms_weighs_by_area():
     lat, _ = cell_centred_grid(1.0)
     grid = np.repeat(np.sin(lat)[:, None], 360, axis=1)
     assert area_rms(grid) == pytest.approx(np.sqrt(1.0 / 3.0), rel=1e-4)  # midpoint rule at 1 deg
-    assert area_rms(np.full((4, 8), -3.0)) == pytest.approx(3.0, rel=1e-15)
+    assert area_rms(np.full((4, 8), -3.0)) == pytest.approx(3.0, rel=2e-15)
 
 
 @pytest.mark.parametrize("radius_km", [200.0, 300.0, 500.0, 2000.0, 9000.0])
@@ -251,7 +253,9 @@ def test_geoid_difference_of_one_zonal_in_closed_form():
     lat, _ = cell_centred_grid(1.0)
     wanted = 6378136.3 * 1e-9 * gaussian_weights(7, 500.0)[2] * np.sqrt(5) / 2 * (3 * np.sin(lat) ** 2 - 1)
     assert grid.shape == (180, 360)
-    np.testing.assert_allclose(grid, np.repeat(wanted[:, None], 360, axis=1), rtol=0, atol=1e-17)
+    np.testing.assert_allclose(
+        grid, np.repeat(wanted[:, None], 360, axis=1), rtol=0, atol=8 * np.spacing(np.abs(wanted).max())
+    )
 
 
 def test_geoid_rms_of_jgm3_against_egm96_is_that_of_the_specification():

@@ -19,7 +19,7 @@ def same_angle(a, b, tolerance):
 @given(st.floats(-50.0, 50.0), st.floats(0.0, 0.999999))
 def test_kepler_equation(M, e):
     E = eccentric_anomaly(M, e)
-    assert abs(E - e * np.sin(E) - M) < 4e-16 * max(1.0, abs(M)) * 4
+    assert abs(E - e * np.sin(E) - M) < 8 * np.spacing(max(1.0, abs(M)))
 
 
 @settings(deadline=None, max_examples=200)
@@ -44,7 +44,7 @@ def test_integrals_of_the_two_body_problem():
         normal = np.array([np.sin(raan) * np.sin(inc), -np.cos(raan) * np.sin(inc), np.cos(inc)])
         np.testing.assert_allclose(h, np.sqrt(GM * a * (1 - e**2)) * normal, rtol=1e-13)
     at_pericentre = kepler_to_state((a, e, inc, raan, 0.9, 0.0), GM)
-    np.testing.assert_allclose(np.linalg.norm(at_pericentre[:3]), a * (1 - e), rtol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(at_pericentre[:3]), a * (1 - e), rtol=2e-15)
 
 
 def test_textbook_axes():
@@ -60,7 +60,7 @@ def test_orbits_without_node_or_pericentre_come_back(e, inc):
     state = kepler_to_state((7e6, e, inc, 0.5, 0.6, 0.7), GM)
     elements = state_to_kepler(state, GM)
     np.testing.assert_allclose(kepler_to_state(elements, GM), state, rtol=0, atol=2e-7)
-    assert elements.e == pytest.approx(e, abs=1e-15)
+    assert elements.e == pytest.approx(e, abs=2e-15)
 
 
 def test_errors():

@@ -44,6 +44,77 @@ def test_epochs_are_written_as_they_are_read():
     assert iso_utc(mjd_of_date(2013, 5, 7), 86400.0 + 3661.0) == "2013-05-08 01:01:01.00"
 
 
+@pytest.mark.parametrize(
+    ("seconds", "written"),
+    [
+        (3 * 60 - 0.001, "2012-06-30 00:03:00.00"),
+        (3599.996, "2012-06-30 01:00:00.00"),
+        (59.994, "2012-06-30 00:00:59.99"),
+        (-0.004, "2012-06-30 00:00:00.00"),
+        (-0.006, "2012-06-29 23:59:59.99"),
+        (86399.996, "2012-06-30 23:59:60.00"),
+        (86400.5, "2012-06-30 23:59:60.50"),
+        (86400.996, "2012-07-01 00:00:00.00"),
+        (86401.0 + 3661.0, "2012-07-01 01:01:01.00"),
+        (-86400.0, "2012-06-29 00:00:00.00"),
+    ],
+)
+def test_what_is_written_is_rounded_before_it_is_split(seconds, written):
+    """The day ends in a leap second; what is written can be read back, and never has a second 60.00 elsewhere."""
+    day = mjd_of_date(2012, 6, 30)
+    assert iso_utc(day, seconds) == written
+    mjd, second = parse_utc(written)
+    assert (mjd - day) * 86400 + (mjd > day) + second == pytest.approx(seconds, abs=0.005001)
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("2013-05-07T13:15:22Z", "2013-05-07 13:15:22"),
+        ("2013-05-07t13:15:22z", "2013-05-07 13:15:22"),
+        ("2013-05-07 13:15:22 UTC", "2013-05-07 13:15:22"),
+        ("2013-05-07T13:15:22,50", "2013-05-07 13:15:22.5"),
+        ("2013-05-07T15:15:22+02:00", "2013-05-07 13:15:22"),
+        ("2013-05-07T00:30:00+0200", "2013-05-06 22:30:00"),
+        ("2013-12-31T21:00-05", "2014-01-01 02:00"),
+        ("2012-07-01T01:59:60+02:00", "2012-06-30 23:59:60"),
+        ("2012-02-29 UTC", "2012-02-29"),
+        ("1965-12-31 23:59:59", "1965-12-31T23:59:59"),
+        ("2035-12-31 23:59:59", "2035-12-31T23:59:59"),
+    ],
+)
+def test_zones_and_marks_are_honoured(text, same):
+    assert parse_utc(text) == parse_utc(same)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2013-06-30 23:59:60",
+        "2012-06-30 23:59:61",
+        "2012-06-30 22:59:60",
+        "2012-06-30T23:59:60+02:00",
+        "2035-06-30 23:59:60",
+        "1971-12-31 23:59:60",
+        "2013-02-29",
+        "0000-01-01",
+        "2013-13-01",
+        "2013-05-07 24:00:01",
+        "2013-05-07 13:15:22 TDB",
+        "2013-05-07 13:15:22 GPS",
+        "2013-05-07+02:00",
+        "2013-05-07 13:15:22+25:00",
+        "2013-05-07 13:15:22.-5",
+        "\u0662\u0660\u0661\u0663-05-07",
+        "2013-05-07 13:15:nan",
+    ],
+)
+def test_what_does_not_exist_or_is_another_scale_is_refused(text):
+    with pytest.raises(ValueError, match="is no UTC epoch") as caught:
+        parse_utc(text)
+    assert repr(text) in str(caught.value)
+
+
 @pytest.mark.parametrize("mjd", [41316, timescales._KNOWN_UNTIL + 1])
 def test_outside_the_known_leap_seconds_there_is_no_answer(mjd):
     with pytest.raises(ValueError, match="where leap seconds are known"):

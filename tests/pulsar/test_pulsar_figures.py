@@ -191,3 +191,12 @@ def test_profiles_count_every_photon_twice():
         [stairs] = [p for p in axes.patches]
         assert stairs.get_data().values.sum() == 2000
     assert "cycles" in figure.axes[-1].get_xlabel()
+
+
+def test_axes_that_say_nothing_are_seen():
+    figure, axes = plt.subplots(2)
+    axes[0].set_xlabel("time [s]")
+    with pytest.raises(AssertionError):
+        labelled(figure)
+    axes[1].set_ylabel("error [m]")
+    labelled(figure)

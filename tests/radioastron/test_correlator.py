@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from geokalman import memory
 from geokalman.radioastron import study
 from geokalman.radioastron.correlator import (
     Raw,
@@ -129,6 +130,19 @@ def test_a_lost_peak_is_the_peak_of_the_noise():
 def test_what_is_refused(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+def test_more_cells_than_memory_holds_are_refused(monkeypatch):
+    monkeypatch.setattr(memory, "available", lambda: 8e9)
+    sentence = (
+        "^A scan of 3600 s in periods of 1e-06 s and 65536 channels, padded 16 times, needs 1.36e.05 TB of memory, and "
+        r"8 GB are available; take longer periods, fewer channels or less padding\.$"
+    )
+    with pytest.raises(memory.TooLarge, match=sentence):
+        Setup(n_channels=65536, duration=3600.0, period=1e-6, padding=16)
+    setup = Setup(n_channels=1024, padding=16)  # 707 MB for the search, 12.6 GB for the whole plane
+    with pytest.raises(memory.TooLarge, match="^The plane of such a scan needs 12.6 GB of memory"):
+        plane(setup, np.zeros((1200, 1024), complex))
 
 
 def test_channels_that_are_no_power_of_two_are_taken_with_a_warning():

@@ -217,5 +217,15 @@ def test_ratio_histogram(theme):
     np.testing.assert_array_equal(line(figure.axes[0], "simulated runs").get_data(), [[1.0, 2.0], [0.25, 0.75]])
 
 
+@pytest.mark.parametrize(("unit", "colour"), [("[km]", None), ("[s]", "red")])
+def test_a_lost_unit_and_another_ink_are_seen(theme, unit, colour):
+    figure, axes = plt.subplots()
+    axes.set_xlabel("time [s]")
+    dressed(figure, theme, "[s]")
+    axes.set_xlabel("time [s]", color=colour)
+    with pytest.raises(AssertionError):
+        dressed(figure, theme, unit)
+
+
 def test_methods_keep_their_colours():
     assert {"prior", "ekf", "batch", "naive"} <= set(METHODS)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 HEADER = """---
@@ -151,13 +155,54 @@ def make_toy(root: Path) -> Path:
     return root
 
 
-def command(root: Path, *words: str, wait: bool = True, **environment: str):
-    """Run `geokalman` in the clone, as a user would."""
+def command(root: Path, *words: str, wait: bool = True, preexec_fn=None, **environment: str):
+    """Run `geokalman` in the clone, as a user would; preexec_fn is called in the new process before."""
     env = {k: v for k, v in os.environ.items() if k not in ("GEOKALMAN_ROOT", "GEOKALMAN_OUT")} | environment
     start = [sys.executable, "-m", "geokalman.reproduce.cli", *words]
     if not wait:
-        return subprocess.Popen(start, cwd=root, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return subprocess.run(start, cwd=root, env=env, capture_output=True, text=True)
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        return subprocess.Popen(start, cwd=root, env=env, text=True, preexec_fn=_heeding_interrupts, **pipes)
+    return subprocess.run(
+        start, cwd=root, env=env, capture_output=True, text=True, timeout=900, preexec_fn=preexec_fn
+    )
+
+
+def _heeding_interrupts() -> None:
+    """A child of a background job inherits that SIGINT is ignored; a user's terminal starts it otherwise."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+@pytest.fixture(scope="session")
+def wait_for():
+    """Function that waits for an event, however slow the machine; fails where the process that makes it ended."""
+
+    def wait(happened: Callable[[], object], process: subprocess.Popen | None = None) -> None:
+        end = time.monotonic() + 900  # something hangs
+        while not happened():
+            assert process is None or process.poll() is None, process.communicate()
+            assert time.monotonic() < end
+            time.sleep(0.05)
+
+    return wait
+
+
+@pytest.fixture(scope="session")
+def new_run():
+    """Function that makes a run folder of a notebook without running one, with an array `x`."""
+    return make_run
+
+
+def make_run(folder, metrics, arrays=None, mode="paper"):
+    """A run folder as a notebook leaves it, without running one."""
+    arrays = {"x": np.linspace(0.0, 1.0, 1001)} if arrays is None else arrays
+    folder.mkdir(parents=True, exist_ok=True)
+    described = {k: {"shape": list(a.shape), "unit": "m"} for k, a in arrays.items()}
+    (folder / "provenance.json").write_text(
+        json.dumps({"notebook": "toy/01-line", "mode": mode, "parameters": {}, "arrays": described})
+    )
+    (folder / "metrics.json").write_text(json.dumps(metrics))
+    np.savez(folder / "arrays.npz", **arrays)
+    return folder
 
 
 @pytest.fixture(scope="session")

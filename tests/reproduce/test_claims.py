@@ -68,6 +68,19 @@ def test_comparisons(comparisons, verdict):
     assert claims.judge(claim, metrics(2.0)).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    "change, ours, margin",
+    [({}, 2.19, 0.01 / 2.2), ({}, 2.21, 0.01 / 2.2), ({}, 1.81, 0.01 / 1.8), ({"accept": {"range": [0, 4]}}, 3.0, 0.25),
+     ({"accept": {"factor": 2}}, 1.1, 0.1), ({"accept": {"abs": 0}}, 2.0, None), ({}, None, None),
+     ({"metric": None, "accept": None, "compare": {"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y",
+                                                   "factor": 0.5}}, 4.9, 0.02)],
+)  # fmt: skip
+def test_distance_from_the_nearest_threshold(change, ours, margin):
+    judged = claims.judge(make(**change), metrics(ours))
+    assert judged.margin == (None if margin is None else pytest.approx(margin))
+    assert judged.is_near == (margin is not None and margin <= 0.0201)
+
+
 def test_a_comparison_shows_both_sides():
     claim = make(
         metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}

@@ -3,16 +3,19 @@
 import json
 import os
 import re
+import resource
+import shutil
 import signal
 import subprocess
 import sys
-import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import nbformat
 import numpy as np
 import pytest
 
-from geokalman.reproduce import blocks, execute, notebooks, page
+from geokalman.reproduce import atomic, blocks, execute, notebooks, page, reports
 from geokalman.reproduce.errors import Fault, Misuse
 from geokalman.reproduce.execute import ExecutionFailed
 
@@ -66,6 +69,19 @@ def test_executed_notebook(ran):
     assert len(injected) == 1 and "slope = 3.0" in injected[0] and "n = 5" in injected[0]
 
 
+def brought_from_elsewhere(page):
+    """What a page loads or links that it does not carry itself, its own scripts' words aside."""
+    markup = re.sub(r"<script>.*?</script>", "", page, flags=re.S)
+    return re.findall(r"""(?:(?:src|href)=["']|url\(|@import +)(?!data:|#)[^"' )]+""", markup)
+
+
+def test_what_a_page_does_not_carry_is_seen():
+    own = '<img src="data:image/png;base64,AA"><a href="#x">x</a><script>a.src="b.js"</script>'
+    assert not brought_from_elsewhere(own)
+    for planted in ('<img src="a.png">', "<a href='https://a.org'>", "@import a.css", "url(a.woff)", '<script src="a">'):
+        assert len(brought_from_elsewhere(own + planted)) == 1, planted
+
+
 def test_page_carries_everything_with_it(ran):
     _, folder, _ = ran
     text = (folder / "page.html").read_text()
@@ -82,8 +98,7 @@ def test_page_carries_everything_with_it(ran):
         and "$$" not in body
     )
     assert "\\tag{1}" in body and "<b>Figure 1.</b> A line, \\(y = s t\\)." in body
-    markup = re.sub(r"<script>.*?</script>", "", text, flags=re.S)
-    assert not re.findall(r"""(?:src|href)=["'](?!data:|#)[^"']+""", markup) and "@import" not in markup
+    assert not brought_from_elsewhere(text)
     assert "<script src" not in text and "cdn.jsdelivr" not in text and "window.MathJax" in text
 
 
@@ -198,27 +213,139 @@ def test_a_clone_whose_path_is_of_several_lines(tmp_path, new_toy, geokalman):
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and "rename it" in done.stderr
 
 
-def test_interrupt_leaves_nothing_half_done(toy, geokalman):
+def test_interrupt_leaves_nothing_half_done(toy, geokalman, wait_for):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(
         path.read_text().replace(
-            "half = 0.5", "import os, time; open('../../pid', 'w').write(str(os.getpid())); time.sleep(60)"
+            "half = 0.5", "import os, time; open('../../pid', 'w').write(str(os.getpid())); time.sleep(3600)"
         )
     )
     process = geokalman(toy, "run", "toy/02-constant", wait=False)
-    end = time.monotonic() + 60
-    while not ((toy / "pid").exists() and (toy / "pid").read_text()) and time.monotonic() < end:
-        time.sleep(0.05)
+    wait_for(lambda: (toy / "pid").exists() and (toy / "pid").read_text(), process)
     process.send_signal(signal.SIGINT)
-    _, told = process.communicate(timeout=30)
+    _, told = process.communicate()
     assert process.returncode == 130 and "Traceback" not in told
     assert re.fullmatch(
         r"toy/02-constant starts\n(\.\.\. .*\n)*toy/02-constant failed after .* s\ngeokalman: interrupted; .*\n", told
     )
     assert not list((toy / "runs" / "toy" / "02-constant").glob(".*"))
-    with pytest.raises(ProcessLookupError):  # the kernel is gone too
-        time.sleep(0.2)
-        os.kill(int((toy / "pid").read_text()), 0)
+    wait_for(lambda: not is_alive(int((toy / "pid").read_text())))  # the kernel is gone too
+
+
+def is_alive(pid: int) -> bool:
+    """Does the process run, other than as a zombie that nobody has waited for?"""
+    done = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True)
+    return bool(done.stdout.strip()) and not done.stdout.strip().startswith("Z")
+
+
+def test_what_killed_runs_left_is_cleared_and_what_a_living_one_writes_is_not(toy):
+    folder = toy / "runs" / "toy" / "01-line"
+    for name in (".paper.partial-abcd1234", ".quick.partial-abcd1234", f".interactive.partial-{os.getpid()}"):
+        (folder / name).mkdir(parents=True)
+    (folder / ".quick.old-abcd1234").mkdir()
+    (toy / "elsewhere").mkdir()
+    (toy / "elsewhere" / ".theirs.partial-1").mkdir()
+    with atomic.locked(execute._lock_of(toy, folder / "paper")):
+        execute.run(toy, "toy/02-constant", out=toy / "elsewhere" / "mine", page=False)
+        assert sorted(p.name for p in folder.iterdir()) == [
+            f".interactive.partial-{os.getpid()}", ".paper.partial-abcd1234", "quick",
+        ]  # fmt: skip
+    assert (toy / "elsewhere" / ".theirs.partial-1").exists()  # no folder of ours
+    execute.sweep_runs(toy)
+    assert sorted(p.name for p in folder.iterdir()) == [f".interactive.partial-{os.getpid()}", "quick"]
+
+
+def edit_constant(root, code):
+    """Let the second toy notebook do something of its own."""
+    path = root / "book" / "toy" / "02-constant.md"
+    path.write_text(path.read_text().replace("half = 0.5", code))
+
+
+def test_a_kernel_is_talked_to_over_sockets_that_are_ours_alone(toy):
+    """Over files, so that it needs no loopback interface, and nobody else on the machine can listen."""
+    edit_constant(
+        toy,
+        "import json, os\nfrom ipykernel import get_connection_info\ntalk = get_connection_info(unpack=True)\n"
+        "folder = os.stat(os.path.dirname(talk['ip']))\nnb.record('mode', folder.st_mode & 0o777)\n"
+        "nb.record('ours', folder.st_uid == os.getuid())\nnb.record('files', talk['transport'] == 'ipc')",
+    )
+    execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+    told = json.loads((toy / "out" / "metrics.json").read_text())
+    assert [told[key]["value"] for key in ("mode", "ours", "files")] == [0o700, True, True]
+
+
+def without_network() -> list[str]:
+    """Words before a command that take the network from it, the loopback interface too; none where not permitted."""
+    for words in (["unshare", "-n"], ["unshare", "-rn"]):
+        if shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0:
+            return words
+    return []
+
+
+@pytest.mark.skipif(not without_network(), reason="a process of its own network is not permitted here")
+def test_without_any_network_a_notebook_runs(toy):
+    command = [*without_network(), sys.executable, "-m", "geokalman.reproduce.cli", "run", "toy/02-constant"]
+    done = subprocess.run(command, cwd=toy, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert (toy / "runs" / "toy" / "02-constant" / "paper" / "page.html").is_file()
+
+
+def test_a_long_loop_tells_its_share_while_it_runs(toy):
+    edit_constant(toy, "import time, pathlib\nfrom geokalman import progress\nnb.expect(600.0)\n"
+                       "for k in progress.track(range(4), 'orbits'):\n"
+                       "    while k == 1 and not pathlib.Path('../../seen').exists():\n        time.sleep(0.05)")  # fmt: skip
+    reported: list[Path] = []
+    with ThreadPoolExecutor(1) as pool:
+        task = pool.submit(
+            execute.run, toy, "toy/02-constant", out=toy / "out", progress=lambda cell, cells, path: reported.append(path)
+        )
+        report: dict = {}
+        while report.get("share") != 0.25 and not task.done():
+            report = reports.read(reported[-1]) if reported else {}
+        (toy / "seen").touch()
+        task.result()
+    assert (report["what"], report["share"], report["left"] > 0) == ("orbits", 0.25, True)
+    assert report["expected"] == "may take about 10 min, less where results of earlier runs are kept"
+    assert "expect" not in json.dumps(json.loads((toy / "out" / "provenance.json").read_text())["notes"])
+
+
+@pytest.mark.parametrize("code, why", [
+    ("raise MemoryError", "cell [3]: memory ran out; give smaller sizes."),
+    ("import numpy as np; np.zeros(2**61)", "cell [3]: memory ran out (Unable to allocate "),
+])  # fmt: skip
+def test_memory_that_runs_out_is_one_sentence(toy, code, why):
+    edit_constant(toy, code)
+    with pytest.raises(ExecutionFailed) as caught:
+        execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+    assert str(caught.value).splitlines()[0].startswith(f"FAILED toy/02-constant: {why}")
+
+
+def test_a_kernel_that_the_system_kills_says_what_it_may_be(toy):
+    edit_constant(toy, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    with pytest.raises(ExecutionFailed, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
+        execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
+
+
+def test_locks_that_cannot_be_made_are_one_sentence(toy, geokalman):
+    (toy / ".cache").write_text("")
+    for words, lock in ((["run", "toy/02-constant"], "locks"), (["build"], "build.lock")):
+        done = geokalman(toy, *words)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        assert done.stderr.splitlines()[-1].startswith(f"geokalman: Cannot write {toy}/.cache/{lock}")
+        assert "a file stands where a folder is needed" in done.stderr
+
+
+def test_a_disk_without_a_byte_left_is_one_sentence(toy, geokalman):
+    """Every write of the command and of its kernel is refused, not one that is mocked."""
+
+    def full():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+    for words in (["run", "toy/02-constant"], ["build"]):
+        done = geokalman(toy, *words, preexec_fn=full)
+        assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+        assert "Cannot write" in done.stderr.splitlines()[-1]
+        assert not list(toy.rglob("*.partial-*"))
 
 
 def test_through_papermill_directly(toy):
@@ -244,7 +371,7 @@ def test_through_papermill_directly(toy):
             "--no-progress-bar",
             *words,
         ]
-        return subprocess.run(command, env=env, cwd=toy, capture_output=True, text=True, timeout=120)
+        return subprocess.run(command, env=env, cwd=toy, capture_output=True, text=True)
 
     done = papermill("-p", "slope", "4")
     assert done.returncode == 0, done.stderr
@@ -269,7 +396,11 @@ def test_prose_of_a_page(toy):
     text += "```{math}\n:label: a\n\nx = 1\n```\n"
     found = page.render(notebooks.tidy(new_notebook(cells=[new_markdown_cell(text)]), "toy/x"), toy, "toy/x")
     plain = re.sub(r"<[^>]+>", "", found[found.index("<body>") :])
-    assert "See Eq. 1 and (Kalman 1960), Kalman (1960), there, A straight line, A constant, a." in plain and "\\tag{1}" in plain and ":::" not in plain
+    assert (
+        "See Eq. 1 and (Kalman 1960), Kalman (1960), there, A straight line, A constant, a." in plain
+        and "\\tag{1}" in plain
+        and ":::" not in plain
+    )
     assert "<h2>T</h2>" in found
 
 

@@ -284,7 +284,7 @@ def test_a_malformed_record_on_the_command_line(built, run, geokalman):
 def test_a_malformed_figure_is_named_on_the_page(built, run, content, why):
     (run / "figures" / "line.csv").write_bytes(content)
     page = compare.write_page(compare.compare(built, run, graph.run_folder(built, NAME)), run / "compare")
-    assert f"<p>Not drawn: " in page.read_text() and why in page.read_text()
+    assert "<p>Not drawn: " in page.read_text() and why in page.read_text()
 
 
 def test_names_of_figures_are_no_markup(built, run):

@@ -23,6 +23,11 @@ def statistics(difference: Array) -> Statistics:
     return Statistics(float(difference.mean()), float(np.sqrt(np.mean(difference**2))), float(difference.std()))
 
 
+def sd(difference: Array) -> float:
+    """Standard deviation of a difference (n,) about its mean where it is finite, NaN where it is so nowhere."""
+    return float(np.nanstd(difference)) if np.isfinite(difference).any() else np.nan
+
+
 def inner(t: Array, trim_s: float) -> slice:
     """Epochs of a line without its first and last `trim_s` seconds. Raises ValueError where nothing is left."""
     n = round(trim_s / (t[1] - t[0]))

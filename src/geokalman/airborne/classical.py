@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal
 
+from geokalman import memory
 from geokalman.airborne.model import METRE, Array, Line, Tuning, build, power_density
 from geokalman.kalman.gaussian import Trajectory
 
@@ -51,6 +52,8 @@ def butterworth(line: Line, cutoff_s: float, order: int = 3) -> Array:
 
 def fir_gain(cutoff_s: float, dt: float, frequency: Array) -> Array:
     """Gain of the FIR at frequencies [Hz]."""
+    size = 2.0 * cutoff_s / dt * 16.0 * (len(frequency) + 2)
+    memory.require(f"The gain of a low-pass of {cutoff_s:g} s in steps of {dt:g} s", size, "give a longer dt")
     taps = fir_taps(cutoff_s, dt)
     lag = np.arange(len(taps)) - len(taps) // 2
     return np.cos(2 * np.pi * np.outer(frequency, lag) * dt) @ taps

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from geokalman import memory, progress
 from geokalman.airborne.estimate import innovation_log_likelihood
 from geokalman.airborne.model import Array, Tuning, build
 from geokalman.airborne.read import Flight
@@ -93,9 +94,13 @@ class Spline:
     @classmethod
     def of(cls, t: Array, spacing: float) -> Spline:
         """The spline of the epochs t (n,) [s] with knots `spacing` [s] apart, shrunk to fit both ends."""
-        knots = np.linspace(t[0], t[-1], max(4, round((t[-1] - t[0]) / spacing) + 1))
+        knots = _knots(t, spacing)
         cardinal = CubicSpline(knots, np.eye(len(knots)))
         return cls(knots, cardinal(t), cardinal.antiderivative(2)(t))
+
+
+def _knots(t: Array, spacing: float) -> Array:
+    return np.linspace(t[0], t[-1], max(4, round((t[-1] - t[0]) / spacing) + 1))
 
 
 @dataclass(frozen=True)
@@ -187,6 +192,10 @@ def joint_field(
             "from south to north."
         )
     origin = tuple(0.5 * (first + last) - waves.box / 2 for first, last in ends)
+    rows = sum(len(_knots(flight.line.t, knots_s)) for flight in flights)
+    memory.require(
+        f"A field of {waves.count} unknowns", 16.0 * waves.count * (waves.count + rows), "take a lower n_max or fewer lines"
+    )
     parts = [line_rows(flight, tuning, waves, origin, lag, knots_s) for flight in flights]
     weights = np.ones(len(parts))
     solution = _solve(parts, weights, waves)
@@ -217,7 +226,7 @@ def compare(
     Raises ValueError for a setting that is none of these.
     """
     out = []
-    for change in changes:
+    for change in progress.track(changes, "settings"):
         of_waves = {name: value for name, value in change if name in _SETTINGS}
         of_noise = {name: value for name, value in change if name not in _SETTINGS and name != "lag"}
         unknown = [name for name in of_noise if not hasattr(tuning, name)]

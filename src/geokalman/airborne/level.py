@@ -104,19 +104,19 @@ def common_track(tracks: Sequence[Array], step_m: float) -> tuple[Array, list[Ar
 
 
 def repeat_values(axis: Array, along: Sequence[Array], values: Sequence[Array]) -> Array:
-    """Values of all passes on the common axis, (passes, points), each pass with its own mean removed."""
+    """Values of all passes on the common axis, (passes, points), each pass with its own mean removed; NaN stays."""
     out = np.empty((len(values), len(axis)))
     for row, x, value in zip(out, along, values, strict=True):
         order = np.argsort(x)
         row[:] = np.interp(axis, x[order], value[order])
-    return out - out.mean(axis=1, keepdims=True)
+    return out - np.nanmean(out, axis=1, keepdims=True)
 
 
 def repeatability(passes: Array) -> float:
     """Standard deviation of a pass about the mean of all of them, (passes, points): sqrt of the mean variance, n -
     1.
     """
-    return float(np.sqrt(np.mean(passes.var(axis=0, ddof=1))))
+    return float(np.sqrt(np.nanmean(np.nanvar(passes, axis=0, ddof=1))))
 
 
 def _along(track: Array) -> Array:

@@ -63,11 +63,11 @@ def along_lines(
     east, north = east - east.min(), north - north.min()
     for axis, (title, values) in zip(axes[0], panels.items(), strict=True):
         flat = np.concatenate(values)
-        limit = np.percentile(np.abs(flat), 99)
+        limit = np.nanpercentile(np.abs(flat), 99)
         span = (
             {"vmin": -limit, "vmax": limit}
             if symmetric[title]
-            else dict(zip(("vmin", "vmax"), np.percentile(flat, [1, 99]), strict=True))
+            else dict(zip(("vmin", "vmax"), np.nanpercentile(flat, [1, 99]), strict=True))
         )
         points = axis.scatter(
             east[::4],

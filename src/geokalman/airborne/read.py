@@ -9,70 +9,21 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from geokalman.airborne import checks
+from geokalman.airborne import checks, quality
+from geokalman.airborne.columns import Table
+from geokalman.airborne.layout import LAYOUTS, Layout
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
-from geokalman.airborne.tables import Table, read_table
+from geokalman.airborne.tables import read_table
 from geokalman.files import data_path
+from geokalman.reading import InputError
 
 SURVEYS = {"kauring": "kauring_2012.xz", "eastvic": "eastvic_repeats.xyz.xz"}
 """Vendored surveys and their files under `data/`."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Which columns of a file hold what, and how.
-
-    columns : our name -> the file's. Needed are line, t [s], lat and lon [degrees], easting, northing [m], height [m]
-    and
-        f3 (vertical specific force); a_up (vertical kinematic acceleration by GNSS) where there is one, else the
-        height is differenced against the integral; raw (= f3 - a_up); f1, f2 (horizontal specific forces), else from
-        the second differences of easting and northing.
-    corrections : column of a correction -> +1 or -1, the sign with which it is added to give the disturbance.
-    kinds : column of a correction -> latitude, eotvos or free_air, for the check of its sign; others are not checked.
-    references : our name -> the file's, values that only an assessment may see (contractor, grid, ground, ...).
-    acceleration : mGal, um/s2 or m/s2; height : m or ft.
-    """
-
-    columns: Mapping[str, str]
-    corrections: Mapping[str, int]
-    kinds: Mapping[str, str] = field(default_factory=dict)
-    references: Mapping[str, str] = field(default_factory=dict)
-    acceleration: str = "mGal"
-    height: str = "m"
-
-
-_PLACE = {"lon": "LON", "lat": "LAT", "easting": "EASTING", "northing": "NORTHING", "height": "GPSZ"}
-KAURING = Layout(
-    columns={"line": "LINE", "t": "UTC", **_PLACE, "f3": "FZ", "a_up": "AZ", "raw": "GRVRAW"},
-    corrections={"LATCOR": -1, "EOTCOR": 1, "FACOR": 1},
-    kinds={"LATCOR": "latitude", "EOTCOR": "eotvos", "FACOR": "free_air"},
-    references={"contractor_raw": "FRA100", "contractor": "FRAL100", "grid": "FAL1000", "ground": "GND_FA"},
-)
-"""The vendored Kauring survey, and any CSV with the header LINE,FLIGHT,UTC,LON,...,FRAL100,GND_FA."""
-KAURING_DAT = Layout(
-    columns={**KAURING.columns, "t": "UTCSECOND", "lon": "LATITUDE", "lat": "LONGITUD"},
-    corrections=KAURING.corrections,
-    kinds=KAURING.kinds,
-    references={
-        "contractor_raw": "GRVFRA100S", "contractor": "GRVFRAL100S", "grid": "GRVFAL1000M",
-        "ground": "GNDGRV_FA_UPWARD",
-    },
-)  # fmt: skip
-"""The contractor's GRAV.DAT with its DFN, which swaps the names of longitude and latitude: so does this layout."""
-EASTVIC = Layout(
-    columns={"line": "LINE", "t": "FTIME", "lon": "LONG", "lat": "LAT", "easting": "MGA_X", "northing": "MGA_Y",
-             "height": "MGA_Z", "f3": "FZ", "f1": "FX", "f2": "FY"},
-    corrections={"LATCOR": 1, "EOTCOR": 1, "FACOR_GRS80": 1, "STATCOR": 1, "ATMCOR": 1},
-    kinds={"LATCOR": "latitude", "EOTCOR": "eotvos", "FACOR_GRS80": "free_air"},
-    references={"contractor": "FA100S_GRS80", "contractor_56s": "FA56S_GRS80"},
-)  # fmt: skip
-"""The contractor's XYZ of Eastern Victoria; its LATCOR is negative, and it has no kinematic acceleration."""
-LAYOUTS = {"kauring": KAURING, "kauring-dat": KAURING_DAT, "eastvic": EASTVIC}
 
 
 @dataclass(frozen=True)
@@ -166,6 +117,11 @@ class Survey:
         """Raises ValueError where a line lacks one of these references (ground, contractor, ...)."""
         for name in references:
             lacking = [f.name for f in self.flights if name not in f.references]
+            if 0 < len(lacking) < len(self.flights):
+                raise ValueError(
+                    f"The lines {_some(lacking)} have no {name}, against which this page judges; leave them out of the "
+                    "file."
+                )
             if lacking:
                 said = (layout.references.get(name, "") for layout in LAYOUTS.values())
                 known = ", ".join(dict.fromkeys(column for column in said if column))
@@ -189,45 +145,66 @@ def read_survey(path: Path | str, layout: Layout | str | None = None, shortest: 
 
     Lines below `shortest` [s] are refused.
 
-    Raises ValueError, one sentence, for what the checks refuse (see `checks`).
+    Raises InputError, one sentence, for what the readers and the checks refuse (see `tables`, `checks`, `quality`).
     """
     table = read_table(path)
     if layout is None:
-        fits = [one for one in LAYOUTS.values() if _missing(table, one) == []]
-        if not fits:
-            nearest = min((_missing(table, one) for one in LAYOUTS.values()), key=len)
-            raise ValueError(
-                f"{path} has the columns {', '.join(table)}; no known layout fits "
-                f"(the nearest lacks {', '.join(nearest)}); describe it by a Layout."
+        nearest = min(LAYOUTS.values(), key=lambda one: len(one.missing(table)))
+        if lacking := nearest.missing(table):
+            raise table.error(
+                f"its columns are {_some(list(table), most=40)}; no known layout fits "
+                f"(the nearest lacks {', '.join(lacking)}); describe it by a Layout."
             )
-        layout = fits[0]
+        layout = nearest
     return survey(table, LAYOUTS[layout] if isinstance(layout, str) else layout, shortest)
 
 
-def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
+def survey(table: Mapping[str, Array], layout: Layout, shortest: float = SHORTEST) -> Survey:
     """Flight lines from a table: checked, repaired where that is safe, split at gaps; below `shortest` [s] refused."""
-    lacking = _missing(table, layout)
-    if lacking:
-        raise ValueError(f"The table lacks the columns {', '.join(lacking)}; it has {', '.join(table)}.")
-    labels = table[layout.columns["line"]]
-    blocks = np.split(np.arange(len(labels)), np.flatnonzero(np.diff(labels) != 0) + 1)
-    for rows in blocks:
-        if not np.isfinite(labels[rows[0]]):
-            raise ValueError(f"Row {rows[0] + 1} of the data carries no line number.")
+    table = table if isinstance(table, Table) else Table(table)
+    if lacking := layout.missing(table):
+        raise table.error(f"the table lacks the columns {', '.join(lacking)}; it has {_some(list(table), most=40)}.")
+    try:
+        return _survey(table, layout, shortest)
+    except InputError as error:
+        if table.path is None or str(error).startswith(str(table.path)):
+            raise
+        raise InputError(f"{table.path}: {error}") from None
+
+
+def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
+    layout, notes = layout.fitted(table)
+    factors, odd = layout.factors(table)
+    if odd:
+        notes.append(f"the file gives {_some(odd)}, which cannot be; these units are left aside")
+    sources = {**layout.columns, **{column: column for column in layout.corrections}, **layout.references}
+    labels = table.labels(sources.pop("line"))
+    raw = {key: table.channel(column) for key, column in sources.items()}
+    like = {key: checks.looks_null(values) for key, values in raw.items()}
+    channels = {key: values * factors[sources[key]] for key, values in raw.items()}
+    blocks, doubled = _blocks(table, labels, channels)
+    notes += doubled
+    checks.middles(channels, blocks)
     times_flown = Counter(_label(labels[rows[0]]) for rows in blocks)
     flights: list[Flight] = []
     refused: list[str] = []
-    notes: list[str] = []
     swapped: list[str] = []
     aliased: list[str] = []
     used: Counter[str] = Counter()
     for rows in blocks:
         name = _label(labels[rows[0]])
-        columns = {ours: table[theirs][rows] for ours, theirs in layout.columns.items()}
-        columns |= {theirs: table[theirs][rows] for theirs in layout.corrections}
-        references = {ours: table[theirs][rows] for ours, theirs in layout.references.items() if theirs in table}
+        columns = {key: values[rows] for key, values in channels.items()}
+        references = {key: columns.pop(key) for key in layout.references}
         references[checks.ROW] = rows + 1.0
-        cut, why = _clean(name, columns, references, layout, swapped)
+        if table.rows is not None:
+            references[checks.FILE_ROW] = table.rows[rows]
+        notes += checks.without_nulls(name, columns, references, {k: mask[rows] for k, mask in like.items()}, layout)
+        if "raw" in columns and "a_up" not in columns:
+            columns["a_up"] = columns["f3"] - columns["raw"]
+        cut, why, turned, said = _clean(name, columns, references, layout, factors[layout.columns["f3"]])
+        notes += said
+        if turned:
+            swapped.append(name)
         several = len(cut) > 1 or times_flown[name] > 1
         if not cut:
             refused.append(f"line {name} cannot be used: {why[0]}")
@@ -240,14 +217,19 @@ def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
             if len(part["t"]) < 3 or lasts < shortest - 1.0:
                 refused.append(f"line {label} lasts {lasts:.1f} s, at least {shortest:g} s are needed")
                 continue
-            checks.quality(label, part, layout)
-            if checks.height_correlation(part["f3"], part["height"]) < checks.ALIASED:
+            quality.agree(label, part, others, layout)
+            if quality.height_correlation(part["f3"], part["height"]) < checks.ALIASED:
                 aliased.append(label)
-            others.pop(checks.ROW)
-            flights.append(_flight(label, part, others, layout))
+            kept = {key: values for key, values in others.items() if key in layout.references}
+            flights.append(_flight(label, part, kept, layout))
     notes += [f"line {name} was flown {n} times, its flights carry letters" for name, n in times_flown.items() if n > 1]
+    for key in layout.references:  # a reference that is null all along a line is none
+        empty = [f.name for f in flights if not np.isfinite(f.references[key]).any()]
+        if empty:
+            notes.append(f"{key} is null in all rows of {len(empty)} lines ({_some(empty)})")
+            flights = [_without(f, key) if f.name in empty else f for f in flights]
     if not flights:
-        raise ValueError(f"No line can be used: {_some(refused, '; ')}.")
+        raise InputError(f"No line can be used: {_some(refused, '; ')}.")
     if swapped:
         notes.append(f"latitude and longitude are swapped on {len(swapped)} lines ({_some(swapped)}); put right")
     if aliased:
@@ -257,26 +239,48 @@ def survey(table: Table, layout: Layout, shortest: float = SHORTEST) -> Survey:
             f"correlation below {checks.ALIASED}: it is probably aliased, so give the height a larger R"
         )
     if notes:
-        warnings.warn("; ".join(notes) + ".", checks.SuspiciousData, stacklevel=2)
+        warnings.warn("; ".join(notes) + ".", checks.SuspiciousData, stacklevel=3)
     return Survey(tuple(flights), tuple(refused), tuple(notes), tuple(aliased))
 
 
 def _clean(
-    name: str, columns: Table, references: Table, layout: Layout, swapped: list[str]
-) -> tuple[list[tuple[Table, Table]], list[str]]:
-    """Whole pieces of one line with its references, and why it was cut there (or cannot be used)."""
+    name: str, columns: Table, references: Table, layout: Layout, factor: float
+) -> tuple[list[tuple[Table, Table]], list[str], bool, list[str]]:
+    """Whole pieces of one line with its references, why it was cut there (or cannot be used), whether latitude and
+    longitude had to be swapped, and notes.
+    """
     count, lacking = checks.complete(columns)
     if count < 3:
-        return [], [lacking]
-    columns, references = checks.in_order(name, columns, references)
-    checks.wild(name, columns, references)
-    checks.units(name, columns, layout)
-    columns, turned = checks.places(name, columns)
-    if turned:
-        swapped.append(name)
+        return [], [lacking], False, []
+    columns, references, notes = checks.in_order(name, columns, references)
+    checks.unit(name, columns, factor)
+    checks.wild(name, columns, references, layout)
+    columns, turned = checks.places(f"Line {name}", columns)
+    checks.speed(name, columns)
     cut, why = checks.pieces(name, columns, references)
     parts = [tuple({k: v[piece] for k, v in table.items()} for table in (columns, references)) for piece in cut]
-    return parts, why
+    return parts, why, turned, notes
+
+
+def _blocks(table: Table, labels: Array, channels: Mapping[str, Array]) -> tuple[list[Array], list[str]]:
+    """Rows of each flight of each line, and notes: interleaved lines are taken apart, doubled flights taken once."""
+    if not np.isfinite(labels).all():
+        raise table.error("this row carries no line number.", int(np.argmin(np.isfinite(labels))))
+    notes = []
+    starts = np.unique([*(np.flatnonzero(np.diff(labels) != 0) + 1), *table.starts])
+    blocks = [rows for rows in np.split(np.arange(len(labels)), starts.astype(int)) if rows.size]
+    names, first = np.unique(labels, return_index=True)
+    if len(blocks) > 20 * len(names):
+        blocks = [np.flatnonzero(labels == name) for name in names[np.argsort(first)]]
+        notes.append("the rows of different lines stand between each other; those of each line are taken together")
+    kept: list[Array] = []
+    for rows in blocks:
+        twins = [one for one in kept if labels[one[0]] == labels[rows[0]] and len(one) == len(rows)]
+        if any(all(np.array_equal(x[one], x[rows], equal_nan=True) for x in channels.values()) for one in twins):
+            notes.append(f"line {_label(labels[rows[0]])} stands twice in the same rows; they are taken once")
+        else:
+            kept.append(rows)
+    return kept, notes
 
 
 def _flight(name: str, c: Table, references: Table, layout: Layout) -> Flight:
@@ -299,6 +303,10 @@ def _flight(name: str, c: Table, references: Table, layout: Layout) -> Flight:
     return Flight(line, c["lon"], c["lat"], c["easting"], c["northing"], c["height"], references)
 
 
+def _without(flight: Flight, key: str) -> Flight:
+    return replace(flight, references={k: v for k, v in flight.references.items() if k != key})
+
+
 def _second_difference(x: Array, dt: float) -> Array:
     out = np.empty_like(x)
     out[1:-1] = np.diff(x, 2) / dt**2
@@ -306,12 +314,10 @@ def _second_difference(x: Array, dt: float) -> Array:
     return out
 
 
-def _missing(table: Table, layout: Layout) -> list[str]:
-    return [name for name in (*layout.columns.values(), *layout.corrections) if name not in table]
-
-
 def _label(number: float) -> str:
-    return f"{number:.0f}" if number == round(number) else f"{number:.2f}"
+    if number == round(number):
+        return f"{number:.0f}"
+    return f"{number:.2f}" if round(number, 2) == number else f"{number:.10g}"
 
 
 def _wanted(name: str | int | float) -> str:
@@ -327,5 +333,5 @@ def _letters(k: int) -> str:
     return text
 
 
-def _some(names: Sequence[str], between: str = ", ") -> str:
-    return between.join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+def _some(names: Sequence[str], between: str = ", ", most: int = 6) -> str:
+    return between.join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

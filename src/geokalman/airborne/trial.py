@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from geokalman import progress
 from geokalman.airborne import assess, classical, simulate
 from geokalman.airborne.estimate import Estimate, Smoother, estimate
 from geokalman.airborne.model import Array, Tuning
@@ -82,7 +83,7 @@ def ensemble(
 ) -> list[list[Outcome]]:
     """Several seeds of `simulated`; executor : any concurrent.futures.Executor."""
     run = partial(_survey, scenario, tuning, coloured, tuple(fir), tuple(butter))
-    return monte_carlo(run, seeds, executor)
+    return monte_carlo(run, progress.track(seeds, "surveys"), executor)
 
 
 def six_line_means(runs: Sequence[Sequence[Outcome]], method: str, what: str = "D_raw") -> Array:
@@ -110,9 +111,7 @@ class Judged:
 
     def sd(self, method: str, reference: str) -> Array:
         """Standard deviation about its mean of method minus reference, a line at a time [mGal]; NaN for no overlap."""
-        return np.array(
-            [np.nanstd(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
-        )
+        return np.array([assess.sd(d) for d in self._differences(method, reference)])
 
     def offset(self, method: str, reference: str) -> Array:
         """Mean of method minus reference, a line at a time [mGal]."""
@@ -150,14 +149,14 @@ def unseen(flights: Sequence[Flight]) -> Array:
 def scatter(
     flights: Sequence[Flight], values: Mapping[str, Array] | str, trim_s: float = 60.0, reference: str = "ground"
 ) -> Array:
-    """Standard deviation of values minus reference about its mean, a flight at a time (n,) [mGal].
+    """Standard deviation of values minus reference about its mean, a flight at a time (n,) [mGal]; NaN for no overlap.
 
     values : by the flight's name, or the name of another reference.
     """
     out = []
     for f in flights:
         ours = f.references[values] if isinstance(values, str) else values[f.name]
-        out.append((ours - f.references[reference])[assess.inner(f.line.t, trim_s)].std())
+        out.append(assess.sd((ours - f.references[reference])[assess.inner(f.line.t, trim_s)]))
     return np.array(out)
 
 

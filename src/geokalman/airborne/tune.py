@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
 
+from geokalman import progress
 from geokalman.airborne.estimate import innovation_log_likelihood
 from geokalman.airborne.model import Line, Tuning, build
 from geokalman.kalman.whitening import whiten_columns
@@ -41,7 +43,10 @@ def fit(
             f"{names[int(np.argmin(first))]} = {first.min():g}: a search in logarithms needs positive starts."
         )
 
+    tell, count = progress.share("evaluations"), itertools.count(1)
+
     def cost(x: np.ndarray) -> float:
+        tell(min(1.0, next(count) / evaluations))
         if np.abs(x).max() > np.log(30.0):  # beyond a factor of 30 nothing is learned
             return np.inf
         trial = replace(start, **dict(zip(names, (first * np.exp(x)).tolist(), strict=True)))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from geokalman import progress
 from geokalman.attitude import assess, cameras, pointing
 from geokalman.attitude.estimate import FILTERS
 from geokalman.attitude.flight import Flight, Solved, flight, in_satellite_axes, reference_at, solve
@@ -41,7 +42,7 @@ def origin(data_dir: str) -> str:
 
 def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") -> Iterator[Flight]:
     """Flights of an ensemble one after the other; real files are one flight."""
-    for k in range(1 if data_dir else n_seeds):
+    for k in progress.track(range(1 if data_dir else n_seeds), "flights"):
         yield flight(scenario, seed0 + k, data_dir)
 
 
@@ -194,7 +195,7 @@ def shifted(scenario: Scenario, tuning: Tuning, shift_s: float, n_seeds: int, se
     are moved.
     """
     runs = []
-    for k in range(1 if data_dir else n_seeds):
+    for k in progress.track(range(1 if data_dir else n_seeds), "flights"):
         run: dict[str, float] = {}
         one = flight(scenario, seed0 + k, data_dir)
         if data_dir:

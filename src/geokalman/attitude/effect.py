@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import detrend
 
+from geokalman import progress
 from geokalman.attitude import pointing
 from geokalman.attitude.estimate import FILTERS
 from geokalman.attitude.flight import Flight, flight, solve
@@ -118,7 +119,7 @@ def days(
     stand-in; `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
     """
     parts: dict[str, list[Array]] = {}
-    for day in range(1 if data_dir else n_days):
+    for day in progress.track(range(1 if data_dir else n_days), "days"):
         trip = flight(scenario, seed0 + day, data_dir)
         results = {s: solve(trip, s, tuning, [f for f in FILTERS if f != "akf7"]).solutions for s in SATELLITES}
         q = {name: {s: results[s][name].q for s in SATELLITES} for name in ("mekf", "rts", "jpl_like")}

@@ -13,11 +13,14 @@ import numpy as np
 
 from geokalman.attitude import cameras, estimate, gyro, pointing, read
 from geokalman.attitude.estimate import FILTERS, Measured, Solution
-from geokalman.attitude.level1 import Level1Error, Level1Warning
+from geokalman.attitude.header import Level1Error
+from geokalman.attitude.level1 import Level1Warning
 from geokalman.attitude.model import GYRO_HZ, SATELLITES, Array, Raw, Scenario, Tuning, arw_density, gyro_matrix
 from geokalman.attitude.simulate import simulate
 from geokalman.attitude.truth import Truth
 from geokalman.physics.quaternion import difference, spline
+
+LONGEST_GAP = 10.0  # s: accelerations are interpolated over no longer hole
 
 
 @dataclass(frozen=True)
@@ -105,13 +108,23 @@ def _from_files(folder: Path, date: str) -> Flight:
                 f"{folder}: GNI1B of {s} has gaps between {t[0]:g} and {t[-1]:g} s; a whole arc at 1 Hz is needed."
             )
         r[s], v[s] = position[pick], velocity[pick]
-        try:
-            seconds, a = read.accelerations(folder, s, date)
-            accelerations[s] = np.stack([np.interp(t, seconds, a[:, i]) for i in range(3)], axis=1)
-        except Level1Error:
-            pass
+        if read.versions(folder, "ACT1B", s, date):
+            accelerations |= _accelerations(folder, s, date, t)
         raw[s] = _trim(raw[s], t[0], t[-1])
     return Flight(t, raw, r, v, {}, accelerations, edge)
+
+
+def _accelerations(folder: Path, satellite: str, date: str, t: Array) -> dict[str, Array]:
+    """Linear accelerations (n, 3) at t, under the satellite's letter; none, with a warning, where they have a hole."""
+    seconds, a = read.accelerations(folder, satellite, date)
+    gap = max(np.diff(seconds, prepend=t[0], append=t[-1]), default=np.inf)
+    if gap > LONGEST_GAP:
+        warnings.warn(
+            f"{folder}: ACT1B of {satellite} has a hole of {gap:g} s; the accelerations are left out.",
+            Level1Warning, stacklevel=4,
+        )  # fmt: skip
+        return {}
+    return {satellite: np.stack([np.interp(t, seconds, a[:, i]) for i in range(3)], axis=1)}
 
 
 def _nearest(grid: Array, t: Array) -> np.ndarray:

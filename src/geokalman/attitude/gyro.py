@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
-from geokalman.attitude.level1 import Level1Error
+from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, gyro_matrix
 from geokalman.physics.quaternion import exp_point, log_point, multiply_point
 

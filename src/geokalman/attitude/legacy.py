@@ -7,7 +7,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from geokalman.attitude.level1 import Level1Error, Table, records, split_name
+from geokalman import reading
+from geokalman.attitude.header import Level1Error, same_epoch, split_name, within_day
+from geokalman.attitude.level1 import Table, records
 from geokalman.attitude.products import GRACE
 
 END = "END OF HEADER"
@@ -26,39 +28,31 @@ def read_grace(path: Path | str, product: str | None = None) -> Table:
     if parts["product"] not in GRACE:
         raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE)}.")
     header: dict[str, str] = {}
-    with open(path, encoding="utf-8", errors="replace") as stream:
-        number = 0
-        for number, line in enumerate(stream, 1):
-            if line.strip() == END:
-                break
-            key, colon, value = line.partition(":")
-            if not colon:
-                raise Level1Error(
-                    (
-                        f"{path}, line {number}: {line.strip()[:40]!r} is no header line `KEY : value`, and no line "
-                        f"{END!r} came before it."
-                    )
-                )
-            header.setdefault(key.strip(), value.strip())
-        else:
-            raise Level1Error(
-                f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short."
-            )
-        named = Path(header.get("FILENAME", path.name)).name
-        if named != path.name and _stem(named) != _stem(path.name):
-            raise Level1Error(f"{path}: the header belongs to {named}.")
-        promised = header.get("NUMBER OF DATA RECORDS")
-        if promised is not None and not re.fullmatch(r"\d{1,12}", promised):
-            raise Level1Error(f"{path}: NUMBER OF DATA RECORDS is {promised[:30]!r}, it must be a number of records.")
-        return records(
-            path,
-            parts,
-            stream,
-            number + 1,
-            GRACE[parts["product"]],
-            None if promised is None else int(promised),
-            header,
+    stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
+    for place, line in stream:
+        if line.strip() == END:
+            break
+        key, colon, value = line.partition(":")
+        if not colon:
+            raise place.error(f"{line.strip()[:40]!r} is no header line `KEY : value`, and no {END!r} came before it.")
+        if key.startswith("TIME EPOCH"):
+            same_epoch(path, value)
+        header.setdefault(key.strip(), value.strip())
+    else:
+        raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short.")
+    named = Path(header.get("FILENAME", path.name)).name
+    if named != path.name and _stem(named) != _stem(path.name):
+        raise Level1Error(f"{path}: the header belongs to {named}.")
+    name = re.fullmatch(r"GRACE ([AB])", header.get("SATELLITE NAME", ""))
+    if name and parts["satellite"] in "AB" and name[1] != parts["satellite"]:
+        raise Level1Error(
+            f"{path}: the header's satellite is GRACE {name[1]}, the file name says {parts['satellite']}."
         )
+    promised = header.get("NUMBER OF DATA RECORDS")
+    if promised is not None and not re.fullmatch(r"\d{1,12}", promised):
+        raise Level1Error(f"{path}: NUMBER OF DATA RECORDS is {promised[:30]!r}, it must be a number of records.")
+    schema = within_day(GRACE[parts["product"]], parts["product"], parts["date"])
+    return records(path, parts, stream, place.line + 1, schema, None if promised is None else int(promised), header)
 
 
 def _stem(name: str) -> str:

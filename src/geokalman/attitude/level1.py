@@ -12,30 +12,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
+from geokalman import reading
+from geokalman.attitude import header as headers
+from geokalman.attitude.header import Level1Error, split_name
 from geokalman.attitude.products import GRACE_FO, KEYS, SECOND_FRACTIONS, Column
 
-END = "# End of YAML header"
-NAME = re.compile(
-    r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<satellite>[A-Z])_(?P<version>\d{2})\.(txt|asc)$"
-)
 MOST_BAD = 0.01
 FEWEST = 0.5
 NORM_REFUSED, NORM_EXACT = 1e-3, 1e-9
 CHUNK = 50_000  # lines that are converted at a time
 LONGEST = 40  # characters of a field
-LIMITS = {"FiltAng": 5759.0}  # deg: gyro angles wrap at 5758; beyond is no angle
 FORMS = {
     "int": re.compile(r"[+-]?[0-9]+\Z"),
     "float": re.compile(
         r"[+-]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|nan|inf(?:inity)?)\Z", re.IGNORECASE
     ),
 }
-
-
-class Level1Error(ValueError):
-    """A Level-1 file that cannot be used; the sentence names the file, the line where there is one, and the reason."""
 
 
 class Level1Warning(UserWarning):
@@ -94,136 +87,30 @@ def read(path: Path | str, product: str | None = None, satellite: str | None = N
             raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
     if parts["product"] not in GRACE_FO:
         raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE_FO)}.")
-    with open(path, encoding="utf-8", errors="replace") as stream:
-        header, first = _header(path, stream)
-        _agree(path, parts, header)
-        schema = _schema(path, parts["product"], header)
-        promised = _promised(path, header)
-        return records(path, parts, stream, first, schema, promised, header)
-
-
-def split_name(path: Path) -> dict[str, str]:
-    """Product, date, satellite and version in a file's name. Raises Level1Error where it is none of a Level-1 file."""
-    found = NAME.match(path.name)
-    if not found:
-        raise Level1Error(
-            f"{path}: the name is not PPPPP_YYYY-MM-DD_S_VV.txt; product, date and satellite are read from it."
-        )
-    return found.groupdict()
-
-
-def _header(path: Path, stream: Iterator[str]) -> tuple[dict[str, Any], int]:
-    """The YAML header and the number of the first line after it."""
-    lines = []
-    for number, line in enumerate(stream, 1):
-        if line.strip() == END:
-            break
-        lines.append(line)
-        if number > 5000:
-            break
-    else:
-        number = 0
-    if not lines or number > 5000 or number == 0:
-        raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE-FO Level-1 file in ASCII, or it is cut short.")
-    try:
-        content = yaml.load("".join(lines), Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f", line {mark.line + 1}" if mark else ""
-        raise Level1Error(f"{path}{where}: the header is not YAML ({str(error).splitlines()[0]}).") from None
-    header = content.get("header") if isinstance(content, dict) else None
-    if not isinstance(header, dict):
-        raise Level1Error(f"{path}, line 1: the YAML header has no mapping `header`.")
-    return header, number + 1
-
-
-def _agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
-    """Refuse a header that belongs to another product, satellite or day than the name says."""
-    attributes = header.get("global_attributes")
-    attributes = attributes if isinstance(attributes, dict) else {}
-    for key in ("title", "id", "product_name"):
-        named = re.findall(
-            r"\b(?:SCA1[AB]|QSA1B|IMU1[AB]|TIM1B|CLK1B|ACT1B|GN[IV]1B|KBR1B|VKB1B)\b", str(attributes.get(key, ""))
-        )
-        if named and parts["product"] not in named:
-            raise Level1Error(f"{path}: the header's {key} says {named[0]}, the file name {parts['product']}.")
-    platform = re.findall(r"GRACE(?:-FO)?[ _-]?([CD])\b", str(attributes.get("platform", "")))
-    if len(platform) == 1 and parts["satellite"] in "CD" and platform[0] != parts["satellite"]:
-        raise Level1Error(
-            f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}."
-        )
-    start, stop = (str(attributes.get(f"time_coverage_{word}", ""))[:10] for word in ("start", "stop"))
-    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= (
-        stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start
-    ):
-        raise Level1Error(f"{path}: the header covers {start} to {stop or start}, the file name says {parts['date']}.")
-
-
-def _schema(path: Path, product: str, header: dict[str, Any]) -> list[Column | None]:
-    """Columns in the order of the file: by the header's variables where present, else as known; None is left out."""
-    known = GRACE_FO[product]
-    variables = header.get("variables")
-    if not isinstance(variables, list) or not variables:
-        return list(known)
-    names = []
-    for entry in variables:
-        if isinstance(entry, dict) and len(entry) == 1 and "name" not in entry:
-            names.append(str(next(iter(entry))))
-        else:
-            names.append(str(entry.get("name", "")) if isinstance(entry, dict) else str(entry))
-    by_name = {column.name: column for column in known}
-    missing = [name for name in by_name if name not in names]
-    if missing:
-        raise Level1Error(f"{path}: the header's variables lack {', '.join(missing)}, which {product} needs.")
-    if len(set(names)) < len(names):
-        raise Level1Error(f"{path}: the header names the variable {max(names, key=names.count)} twice.")
-    return [by_name.get(name) for name in names]
-
-
-def flag_meanings(header: dict[str, Any], variable: str) -> dict[int, str]:
-    """What the bits of a flag variable mean, bit -> words, where the header's `flag_meanings` say it ("bit 0 =
-    ...").
-    """
-    variables = header.get("variables")
-    for entry in variables if isinstance(variables, list) else []:
-        inner = entry.get(variable) if isinstance(entry, dict) and variable in entry else entry
-        if not isinstance(inner, dict) or inner is entry and entry.get("name") != variable:
-            continue
-        words = inner.get("flag_meanings", "")
-        lines = words if isinstance(words, list) else [words]
-        found = (
-            re.findall(r"\bbit\s*([0-9]{1,2})\s*[=:]\s*(.*?)(?=[,;]?\s*\bbit\s*[0-9]|$)", str(line)) for line in lines
-        )
-        return {int(bit): text for pairs in found for bit, text in pairs}
-    return {}
-
-
-def _promised(path: Path, header: dict[str, Any]) -> int | None:
-    dimensions = header.get("dimensions")
-    promised = dimensions.get("num_records") if isinstance(dimensions, dict) else None
-    if promised is None:
-        return None
-    if isinstance(promised, bool) or not isinstance(promised, int) or promised < 0:
-        raise Level1Error(f"{path}: num_records is {promised!r}, it must be a number of records.")
-    return promised
+    stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
+    header, first, notes = headers.read_header(path, stream)
+    headers.agree(path, parts, header)
+    schema = headers.schema(path, parts, header, notes)
+    return records(path, parts, stream, first, schema, headers.promised(path, header), header, notes)
 
 
 def records(
     path: Path,
     parts: dict[str, str],
-    stream: Iterator[str],
+    stream: Iterator[tuple[reading.Place, str]],
     first: int,
     schema: Sequence[Column | None],
     promised: int | None,
     header: dict,
+    notes: Sequence[str] = (),
 ) -> Table:
     """Parse, check and order the records that follow a header; `first` is the number of their first line in the
-    file.
+    file, `notes` what was already mended.
     """
     pieces: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
     bad: list[tuple[int, str]] = []
-    number, lines = first, []
+    lines: list[tuple[int, str]] = []
     total, unfinished = 0, False
 
     def flush() -> None:
@@ -234,19 +121,18 @@ def records(
             numbers.extend(sound)
             lines = []
 
-    for line in stream:
+    for place, line in stream:
         if line.strip():
-            lines.append((number, line))
-            total += 1
-            unfinished = not line.endswith("\n")
             if len(lines) >= CHUNK:
                 flush()
-        number += 1
-    notes: list[str] = []
+            lines.append((place.line, line))
+            total += 1
+            unfinished = not line.endswith("\n")
+    notes = list(notes)
     if unfinished and lines and _fault(lines[-1][1].split(), schema):
-        lines.pop()
+        number, _ = lines.pop()
         total -= 1
-        notes.append(f"line {number - 1} is cut short and was left out")
+        notes.append(f"line {number} is cut short and was left out")
     flush()
     columns = {
         c.name: np.concatenate([p[c.name] for p in pieces]) if pieces else _empty(c) for c in schema if c is not None
@@ -298,7 +184,7 @@ def _parse(
         pass
     good, numbers = [], []
     for number, line in lines:
-        fault = _fault(line.split(), schema)
+        fault = _fault(line.split(), schema) or ("" if line.isascii() else "a space that is not ASCII stands in it")
         if fault:
             bad.append((number, fault))
         else:
@@ -323,6 +209,10 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
         if column is None:
             continue
         values = np.ascontiguousarray(table[f"{k}"])
+        if column.fill and np.isin(values, column.fill).any():
+            raise ValueError
+        if column.factor != 1.0:
+            values = values * column.factor
         if column.kind == "float" and not np.isfinite(values).all():
             raise ValueError
         if column.kind in ("text", "flags"):
@@ -330,10 +220,7 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
             if any(len(text) > LONGEST or (column.kind == "flags" and text.strip("01")) for text in distinct):
                 raise ValueError
             values = values.astype(f"U{max(len(text) for text in distinct)}")
-        modulus = SECOND_FRACTIONS.get(column.name)
-        if modulus and ((values < 0) | (values >= modulus)).any():
-            raise ValueError
-        if column.name in LIMITS and (np.abs(values) > LIMITS[column.name]).any():
+        elif ((values < column.low) | (values > column.high)).any():
             raise ValueError
         out[column.name] = values
     if "quatangle" in out and not (np.abs(_norm(out) - 1.0) <= NORM_REFUSED).all():
@@ -363,18 +250,19 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
                 f"column {k} ({column.name}) is {text[:30]!r}, not "
                 f"{'an integer' if column.kind == 'int' else 'a number'}"
             )
-        value = int(text) if column.kind == "int" else float(text) if column.kind == "float" else 0
-        if column.kind == "int" and not -(2**63) <= value < 2**63:
-            return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
-        if column.kind == "float" and not np.isfinite(value):
-            return f"column {k} ({column.name}) is {text[:30]}"
         if column.kind == "flags" and text.strip("01"):
             return f"column {k} ({column.name}) is {text[:30]!r}, not a string of 0 and 1"
-        modulus = SECOND_FRACTIONS.get(column.name)
-        if modulus and not 0 <= value < modulus:
-            return f"column {k} ({column.name}) is {text[:30]}, outside 0 to {modulus - 1}"
-        if column.name in LIMITS and abs(value) > LIMITS[column.name]:
-            return f"column {k} ({column.name}) is {text[:30]}, beyond +-{LIMITS[column.name]:g}"
+        if form is None:
+            continue
+        value = int(text) if column.kind == "int" else float(text)
+        if column.kind == "int" and not -(2**63) <= value < 2**63:
+            return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
+        if not np.isfinite(value * column.factor):
+            return f"column {k} ({column.name}) is {text[:30]}"
+        if value in column.fill:
+            return f"column {k} ({column.name}) is {text[:30]}, which marks a missing value"
+        if not column.low <= value * column.factor <= column.high:
+            return f"column {k} ({column.name}) is {text[:30]}, outside {column.low:.10g} to {column.high:.10g}"
     if not any(c is not None and c.name == "quatangle" for c in schema):
         return ""
     norm = float(_norm(_named(row, schema)))

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geokalman import memory
 from geokalman.physics.quaternion import matrix, normalise
 
 Array = NDArray[np.float64]
@@ -79,6 +80,7 @@ SUN = np.array([0.181, -0.902, -0.391]) / np.linalg.norm([0.181, -0.902, -0.391]
 """Direction of the Sun on 2019-01-01 in the ICRF."""
 
 WRAP_DEG = 5758.0
+_SECOND = 15e3  # bytes for a second of flight: both satellites with truth, sensors and all filters (9e3 measured)
 GYRO_HZ = 8
 CAMERA_HZ = 2
 ARCSEC = math.pi / 648000.0
@@ -138,7 +140,8 @@ class Scenario:
     carries the attitude of t - shift_s. gap_s : no camera at all for so long, from gap_start_s on. fov_rad : 1-sigma
     Gauss-Markov error of each camera per axis (three times that about the boresight), correlation time fov_tau_s.
     bias_1cpr_deg_h : gyro bias that turns once a revolution. near_wrap : start angles of axes 1 and 3 stand 20 deg
-    before the range ends. Raises ValueError, one sentence each, for values that make no flight.
+    before the range ends. Raises ValueError, one sentence each, for values that make no flight;
+    TooLarge for a flight that memory does not hold.
     """
 
     duration_s: float = 21600.0
@@ -169,6 +172,7 @@ class Scenario:
                 raise ValueError(f"{item.name} = {value} is not finite.")
         if self.duration_s < 60 or self.duration_s != int(self.duration_s):
             raise ValueError(f"duration_s = {self.duration_s:g} must be a whole number of seconds, 60 or more.")
+        memory.require(f"A flight of {self.duration_s:g} s", _SECOND * self.duration_s, "give a shorter duration_s")
         for name in ("arw_deg_sqrt_h", "sca_sigma_arcsec", "k_aniso", "fov_tau_s"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"{name} = {getattr(self, name):g} must be positive.")

@@ -2,24 +2,47 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 Kind = Literal["int", "float", "text", "flags"]
 
 
 class Column(NamedTuple):
-    """One column: its name, kind (flags are strings of 0 and 1, bit 0 last) and unit."""
+    """One column: its name, kind (flags are strings of 0 and 1, bit 0 last) and unit; what a value must lie between;
+    the file's unit in ours, and the values by which the file marks a missing one.
+    """
 
     name: str
     kind: Kind
     unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    factor: float = 1.0
+    fill: tuple[float, ...] = ()
 
 
 def _columns(text: str) -> tuple[Column, ...]:
     """Columns from `name:kind:unit` words; kinds are i, f, t, b (flags)."""
     kinds: dict[str, Kind] = {"i": "int", "f": "float", "t": "text", "b": "flags"}
     parts = (word.split(":") for word in text.split())
-    return tuple(Column(name, kinds[kind], unit[0] if unit else "") for name, kind, *unit in parts)
+    return tuple(
+        Column(name, kinds[kind], unit[0] if unit else "", *LIMITS.get(name, (-math.inf, math.inf)))
+        for name, kind, *unit in parts
+    )
+
+
+SECOND_FRACTIONS = {"rcvtime_frac": 10**6, "time_frac": 10**6, "gpstime_frac": 10**9}
+"""Fractions of a second and how many make one."""
+LIMITS: dict[str, tuple[float, float]] = {
+    **{name: (0, most - 1) for name, most in SECOND_FRACTIONS.items()},
+    "FiltAng": (-5759.0, 5759.0),  # deg: gyro angles wrap at 5758; beyond is no angle
+    "gyro_id": (1, 4),
+    **{name: (-1e8, 1e8) for name in ("xpos", "ypos", "zpos")},
+    **{name: (-12e3, 12e3) for name in ("xvel", "yvel", "zvel")},
+    **{f"lin_accl_{axis}": (-0.1, 0.1) for axis in "xyz"},
+}
+"""What values of a column lie between: beyond, a record is bad."""
 
 
 _QUATERNION = "quatangle:f quaticoeff:f quatjcoeff:f quatkcoeff:f"
@@ -99,6 +122,3 @@ KEYS: dict[str, tuple[str, ...]] = {
 """Time tags of each product, coarse first, and what tells rows of one epoch apart; mounting files have none to be
 unique in.
 """
-
-SECOND_FRACTIONS = {"rcvtime_frac": 10**6, "time_frac": 10**6, "gpstime_frac": 10**9}
-"""Fractions of a second and how many make one."""

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geokalman.attitude.level1 import Level1Error, Level1Warning, Table, flag_meanings, read
+from geokalman.attitude.header import NAME, Level1Error, flag_meanings
+from geokalman.attitude.level1 import Level1Warning, Table, read
 from geokalman.attitude.model import Array, Raw, mounting
 from geokalman.attitude.timetags import clock, flag_bits, seconds
 from geokalman.attitude.write import gps_second
@@ -21,19 +22,22 @@ QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
 WORST_CONFIDENCE = 5
 REFUSED = re.compile(r"invalid|not valid|\bsun\b|\bmoon\b|non-stellar|false star", re.IGNORECASE)
 VALID = re.compile(r"\b1\s*=\s*valid", re.IGNORECASE)
+LOWEST, HIGHEST = 6.4e6, 5e7  # m: radii of orbits
 SAME_EPOCH = 1e-3  # s: rows of different cameras so near each other are one exposure
 
 
 def dates(folder: Path | str) -> list[str]:
     """Dates, YYYY-MM-DD, of the SCA1A files in a folder."""
-    return sorted({path.name[6:16] for path in Path(folder).glob("SCA1A_????-??-??_?_??.txt")})
+    return sorted(
+        {path.name[6:16] for path in Path(folder).glob("SCA1A_????-??-??_?_??.txt*") if NAME.match(path.name)}
+    )
 
 
 def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
     """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked
     for.
     """
-    found = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt"))
+    found = versions(folder, product, satellite, date)
     if not found:
         packed = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt.*"))
         hint = (
@@ -43,6 +47,12 @@ def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
         )
         raise Level1Error(f"{folder}: no file {product}_{date}_{satellite}_04.txt, nor one of another version; {hint}.")
     return found[-1]
+
+
+def versions(folder: Path | str, product: str, satellite: str, date: str) -> list[Path]:
+    """The files of a product of a day, plain or gzipped, oldest version first."""
+    found = Path(folder).glob(f"{product}_{date}_{satellite}_??.txt*")
+    return sorted(path for path in found if NAME.match(path.name))
 
 
 def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
@@ -61,11 +71,7 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     tables: dict[str, list[Table]] = {}
     for product in ("TIM1B", "CLK1B"):
         files = [find(folder, product, satellite, date)]
-        files += [
-            p
-            for other in (around[0], around[2])
-            for p in sorted(Path(folder).glob(f"{product}_{other}_{satellite}_??.txt"))[-1:]
-        ]
+        files += [p for other in (around[0], around[2]) for p in versions(folder, product, satellite, other)[-1:]]
         tables[product] = [read(path, product, satellite) for path in files]
     time = clock(tables["TIM1B"], tables["CLK1B"], origin)
     q_qsa = qsa(folder, satellite, date)
@@ -184,7 +190,31 @@ def orbit(folder: Path | str, satellite: str, date: str, product: str = "GNI1B")
             "give GNI1B, or turn GNV1B into the ICRF first."
         )
     t = (table["gps_time"] - gps_second(date)).astype(float)
-    return t, table.stacked("xpos", "ypos", "zpos"), table.stacked("xvel", "yvel", "zvel")
+    r, v = table.stacked("xpos", "ypos", "zpos"), table.stacked("xvel", "yvel", "zvel")
+    _in_orbit(table, t, r, v)
+    return t, r, v
+
+
+def _in_orbit(table: Table, t: Array, r: Array, v: Array) -> None:
+    """Refuse positions that are no orbit's, and states that disagree with their neighbours."""
+    radius = np.linalg.norm(r, axis=1)
+    off = (radius < LOWEST) | (radius > HIGHEST)
+    if off.any():
+        k = int(np.argmax(off))
+        raise Level1Error(
+            f"{table.path}: the state at gps_time {table['gps_time'][k]} is {1e-3 * radius[k]:.6g} km from the Earth's "
+            f"centre, as are {int(off.sum())} of {len(t)}; positions in metres, in orbit, are needed."
+        )
+    step = np.diff(t)
+    miss = np.linalg.norm(np.diff(r, axis=0) - 0.5 * step[:, None] * (v[1:] + v[:-1]), axis=1)
+    off = (miss > 10.0 + 2e-3 * step**3) & (step <= 60.0)  # the trapezoid's own error is below 1.1e-3 step^3
+    if off.any():
+        k = int(np.argmax(off))
+        k += k + 1 < len(off) and bool(off[k + 1])  # a spike spoils the steps on both sides of it
+        raise Level1Error(
+            f"{table.path}: the state at gps_time {table['gps_time'][k]} disagrees with its neighbours by "
+            f"{miss[k]:.6g} m ({int(off.sum())} such steps); correct or remove it."
+        )
 
 
 def accelerations(folder: Path | str, satellite: str, date: str) -> tuple[Array, Array]:

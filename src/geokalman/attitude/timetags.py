@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geokalman.attitude.level1 import Level1Error, Table
+from geokalman.attitude.header import Level1Error
+from geokalman.attitude.level1 import Table
 from geokalman.attitude.model import Array
 
 

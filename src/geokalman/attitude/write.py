@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geokalman.attitude.level1 import END
+from geokalman.attitude.header import END, EPOCH
 from geokalman.attitude.model import EPOCH_2019, Array, Raw
 from geokalman.attitude.products import GRACE_FO
 
-EPOCH = datetime.datetime(2000, 1, 1, 12)
 OBC_OFFSET, OBC_DRIFT = 0.317, 3e-6  # s, s/s: receiver minus on-board time of the simulated computer
 CLOCK_OFFSET, CLOCK_DRIFT = -0.0797, -2.5e-7  # s, s/s: GPS minus receiver time, as large as in GRACE's files
 

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from geokalman import memory
 from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.discretise import white_jerk
+from geokalman.physics.field import EARTH, require_body
 from geokalman.physics.harmonics import GravityField, load_field
 
 Array = NDArray[np.float64]
@@ -24,6 +26,7 @@ POSITION, VELOCITY, ACCELERATION = slice(0, 3), slice(3, 6), slice(6, 9)
 """Parts of the relative state x = [dr, dv, da] [m, m/s, m/s^2] of equation (50)."""
 
 DAY = 86400.0
+_EPOCH = 3000.0  # bytes for an epoch: orbits, a filter's predicted and updated states and covariances, a smoother's
 LOWEST_PERIGEE = 150e3  # m above the reference radius: below it no satellite completes a revolution
 
 
@@ -37,7 +40,8 @@ class Scenario:
     semi-major axes then differ by half a kilometre.
 
     Raises ValueError, one sentence each, for a span without epochs, an orbit that is no ellipse or meets the Earth, an
-    output step that the integrator's step does not divide, and an unknown integrator.
+    output step that the integrator's step does not divide, and an unknown integrator; TooLarge for more epochs than
+    memory holds.
     """
 
     days: float = 30.0
@@ -74,6 +78,7 @@ class Scenario:
             raise ValueError(f"n_max = {self.n_max} is below 2; degrees 0 and 1 are held fixed, so give 2 or more.")
         if not 0 <= self.e < 1:
             raise ValueError(f"e = {self.e:g} is not the eccentricity of an ellipse; give 0 <= e < 1.")
+        memory.require(f"A pair of orbits of {self.epochs} epochs, with its filters,", _EPOCH * self.epochs, "give fewer days or a longer dt")
         radius = self.gravity().radius
         perigee = self.a * (1 - self.e) - radius
         if perigee < LOWEST_PERIGEE:
@@ -143,8 +148,8 @@ class Scenario:
         return self.dt * np.arange(self.epochs)
 
     def gravity(self) -> GravityField:
-        """The field that is flown, truncated at `n_max`."""
-        return load_field(self.field or "EGM96", self.n_max)
+        """The field that is flown, truncated at `n_max`; raises ValueError for one that is not the Earth's."""
+        return require_body(load_field(self.field or "EGM96", self.n_max), EARTH)
 
 
 def default_step(integrator: str, dt: float) -> float:

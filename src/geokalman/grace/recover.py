@@ -8,22 +8,26 @@ for all methods: the smoothed ones differ by micrometres, which does not show.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from geokalman.constants import OMEGA_EARTH
+from geokalman import memory
+from geokalman.constants import GM_EARTH, OMEGA_EARTH, R_EARTH
 from geokalman.grace.model import DAY, Array, distance
 from geokalman.grace.simulate import OrbitPair
 from geokalman.leastsquares import NormalEquations, SingularNormalMatrix, sum_normals
 from geokalman.physics.field import GravityField
 from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, column_names, design_block, from_vector
+from geokalman.progress import track
 
 BLOCK = 2048  # rows of the design matrix that stand in memory at a time: 83 MB at degree 70
+_ROWS, _COLUMNS = 256, 1024  # of the sample by which the time is foreseen
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,40 @@ class Recovery:
         return self.C[k], self.S[k]
 
 
+def outlook(epochs: int, n_max: int) -> float:
+    """Seconds that `recover` may take on this machine, by a sample of its rows and of its algebra.
+
+    Raises TooLarge, before anything is computed, where memory does not hold the normal matrix, naming the largest n_max
+    for which it does.
+    """
+    _require_memory(n_max)
+    unknowns = column_count(n_max)
+    columns = min(unknowns, _COLUMNS)
+    r = R_EARTH * (1.1 + 0.1 * np.random.default_rng(0).random((_ROWS, 3)))
+    normals, block = NormalEquations(columns), np.ones((_ROWS, columns))
+    rows = algebra = np.inf
+    for _ in range(2):  # the first call loads what is compiled
+        begun = time.perf_counter()
+        design_block(GM_EARTH, R_EARTH, n_max, r, r + 1e5, r / distance(r)[:, None], None)
+        between = time.perf_counter()
+        normals.add(block, block[:, 0])
+        rows, algebra = min(rows, between - begun), min(algebra, time.perf_counter() - between)
+    operation = algebra / (_ROWS * columns**2)
+    return epochs * (rows / _ROWS + unknowns**2 * operation) + unknowns**3 * operation  # of it two thirds: factor, inverse
+
+
+def _require_memory(n_max: int) -> None:
+    """The normal matrix, its inverse and a block of rows stand in memory at a time."""
+
+    def size(n: int) -> float:
+        return 8.0 * column_count(n) * (2.0 * column_count(n) + BLOCK)
+
+    free = memory.available()
+    fits = max((n for n in range(2, n_max + 1) if size(n) <= free), default=2)
+    what = f"The normal matrix of {column_count(n_max)} coefficients to degree {n_max}, with its inverse,"
+    memory.require(what, size(n_max), f"an n_max of {fits} fits")
+
+
 def recover(
     orbit: OrbitPair,
     gravity: GravityField,
@@ -59,7 +97,6 @@ def recover(
     edge: int = 100,
     n_max: int | None = None,
     executor: Executor | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> Recovery:
     """Least-squares coefficients of degrees 2 to n_max from each observable, unit weights.
 
@@ -71,7 +108,6 @@ def recover(
     edge : epochs left out at either end
     n_max : highest degree of the unknowns; default that of the field
     executor : sums blocks of rows in its workers; default is this process, whose BLAS may use several threads
-    progress : called with the share of the rows done
 
     Returns
     -------
@@ -82,9 +118,10 @@ def recover(
     ValueError
         Where there is no observable or one does not fit the orbit, the edges leave no epoch, an observable is not
         finite between them (naming the epoch), or the epochs are fewer than the unknowns; SingularNormalMatrix, naming
-        degrees and orders, where they do not determine them.
+        degrees and orders, where they do not determine them; TooLarge where memory does not hold the normal matrix.
     """
     n_max = gravity.n_max if n_max is None else n_max
+    _require_memory(n_max)
     count, ids = len(orbit.t), tuple(observables)
     if not ids:
         raise ValueError("there is no observable to recover from; give at least one.")
@@ -114,10 +151,8 @@ def recover(
     if executor is None:
         normals = _empty(n_max, len(ids))
         design = np.empty((min(BLOCK, rows), unknowns))
-        for done, block in enumerate(blocks, 1):
+        for block in track(blocks, "normal equations", len(starts)):
             _add(normals, gravity.gm, gravity.radius, n_max, block, design)
-            if progress is not None:
-                progress(done / len(starts))
     else:
         normals = sum_normals(partial(_block_normals, gravity.gm, gravity.radius, n_max), blocks, executor)
     try:

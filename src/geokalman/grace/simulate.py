@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace.model import DAY, Array, Observations, Scenario, range_rate
+from geokalman.physics.dop853 import STAGES
 from geokalman.physics.field import GravityField
 from geokalman.physics.forces import gravity_force, gravity_params
 from geokalman.physics.frames import to_ecef, to_eci
 from geokalman.physics.gravity import acceleration
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.physics.orbit import integrate
+from geokalman.progress import share
 
 PRIOR_SIGMAS = (1e-2, 1e-3, 1e-4)
 """Standard deviations of the prior relative position [m], velocity [m/s] and acceleration [m/s^2], per axis."""
+_SAMPLE = 100  # evaluations of the force by which the time of an orbit is foreseen
 
 
 @dataclass(frozen=True)
@@ -65,18 +68,31 @@ def start_states(scenario: Scenario, gravity: GravityField) -> tuple[Array, Arra
     return integrate(gravity_force, params, B, (scenario.tau, 1), "dop853").y[-1], B
 
 
-def orbit_pair(scenario: Scenario, gravity: GravityField, progress: Callable[[float], None] | None = None) -> OrbitPair:
+def outlook(scenario: Scenario, gravity: GravityField) -> float:
+    """Seconds that `orbit_pair` may take on this machine, by a sample of its force; 0 for rk45, which chooses its
+    steps."""
+    if scenario.integrator == "rk45":
+        return 0.0
+    params, y = gravity_params(gravity, OMEGA_EARTH), np.concatenate(start_states(scenario, gravity))
+    acceleration, begun = np.empty(6), time.perf_counter()
+    for k in range(_SAMPLE):
+        gravity_force(float(k), y, params, acceleration)
+    each = (time.perf_counter() - begun) / _SAMPLE
+    return each * scenario.days * DAY / scenario.h * (STAGES if scenario.integrator == "dop853" else 1)
+
+
+def orbit_pair(scenario: Scenario, gravity: GravityField) -> OrbitPair:
     """Integrate both satellites together in the field that turns with the Earth.
 
     gravity: the field at the scenario's degree (an argument of its own, so that a memo sees what is in it).
-    progress: called with the share done. Returns the pair at every dt, both ends included.
+    Returns the pair at every dt, both ends included.
     Raises ArithmeticError where a satellite comes down.
     """
     free = scenario.integrator == "rk45"
     orbits = integrate(
         gravity_force, gravity_params(gravity, OMEGA_EARTH), np.concatenate(start_states(scenario, gravity)),
         (scenario.dt, scenario.epochs - 1), scenario.integrator, None if free else scenario.h,
-        surface=gravity.radius, rtol=scenario.rtol, atol=scenario.atol, progress=progress,
+        surface=gravity.radius, rtol=scenario.rtol, atol=scenario.atol, progress=share("orbits"),
     )  # fmt: skip
     A, B = (np.concatenate([orbits.r[:, k], orbits.v[:, k]], axis=1) for k in (0, 1))
     return OrbitPair(orbits.t, A, B)

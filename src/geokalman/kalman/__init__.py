@@ -10,7 +10,8 @@ dense, checks   small matrix kernels; checks at the border
 
 Functions named ``*_step`` and ``*_loop`` are compiled kernels on plain float64 arrays, callable from Python and by name
 from a compiled loop; they trust their arguments and return a status (0, or 1 + the row that failed). Everything else
-checks its arguments and raises ValueError, or its kind NotPositiveDefinite with the epoch.
+checks its arguments and raises ValueError, or its kind NotPositiveDefinite with the epoch. A masked observation is a
+missing one; a mask elsewhere, units, dates, text and complex numbers are refused (`checks.plain`).
 """
 
 from geokalman.kalman.adaptive import adaptive_update

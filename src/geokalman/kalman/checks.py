@@ -3,11 +3,15 @@ each."""
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Callable
+from numbers import Real
 
 import numpy as np
 
 _EPS = float(np.finfo(float).eps)
+_WHOLE = 2**53  # up to here float64 holds every whole number
+_NO_NUMBERS = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "text"}
 
 
 class NotPositiveDefinite(ValueError):
@@ -32,12 +36,67 @@ def _rebuild(message: str, matrix: str, epoch: int | None, t: float | None) -> N
     return error
 
 
+def plain(name: str, value, missing: bool = False) -> np.ndarray:
+    """The value as float64 array, itself where it is one: what carries more than numbers does not pass as numbers.
+
+    An element that is masked, None, NA or NaT becomes NaN where `missing` admits it. Units, times, text, truth values,
+    complex numbers, sparse matrices and whole numbers beyond 2^53 raise ValueError, because their meaning would be
+    lost. The packages that bring them are recognised by their attributes, none is imported.
+    """
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        return value
+    if isinstance(value, (list, tuple)):
+        if not all(isinstance(item, float) for item in value):
+            value = [plain(name, item, missing) for item in value]
+        try:
+            return np.array(value, dtype=float)
+        except ValueError:
+            raise ValueError(f"{name} is ragged: its rows have different lengths") from None
+    if value is None or type(value).__name__ in ("NAType", "NaTType"):
+        value = np.ma.masked
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    if kind == "m" or isinstance(value, datetime.timedelta):
+        raise ValueError(f"{name} holds time spans: give seconds as float")
+    if kind == "M" or isinstance(value, (datetime.date, datetime.time)) or hasattr(value, "jd1"):
+        raise ValueError(f"{name} holds dates: give seconds as float")
+    if hasattr(value, "toarray"):
+        raise ValueError(f"{name} is a sparse matrix: give its toarray()")
+    unit = getattr(value, "unit", getattr(value, "units", None))
+    if unit is not None and str(unit) not in ("", "dimensionless"):
+        raise ValueError(f"{name} carries the unit {unit}: give plain numbers in the units of the model")
+    raw = np.asarray(value.data if isinstance(value, np.ma.MaskedArray) else value)
+    if raw.dtype.kind == "O" and raw.ndim:
+        return plain(name, raw.tolist(), missing)
+    if raw.dtype.kind not in "fiu" and not (raw.dtype.kind == "O" and isinstance(value, Real)):
+        what = _NO_NUMBERS.get(raw.dtype.kind, f"no numbers but a {type(value).__name__}")
+        raise ValueError(f"{name} holds {what}: give real numbers")
+    mask = getattr(value, "mask", None)  # of numpy, or of a package like it
+    mask = np.broadcast_to(mask, raw.shape) if isinstance(mask, (np.ndarray, np.bool_)) else np.zeros(raw.shape, bool)
+    if mask.any() and not missing:
+        place = [int(i) for i in np.argwhere(mask)[0]]
+        raise ValueError(f"{name}{place or ''} is masked or missing: there must be a number")
+    if raw.dtype.kind != "f" and (~mask & ((raw > _WHOLE) | (raw < -_WHOLE))).any():
+        raise ValueError(
+            f"{name} holds whole numbers beyond 2^53, which float64 does not hold: count from a nearer zero"
+        )
+    with np.errstate(over="ignore"):  # what is larger than float64 is infinite, and refused as that
+        return np.where(mask, np.nan, raw.astype(float))
+
+
+def scalar(name: str, value) -> float:
+    """One number, from what `plain` admits."""
+    out = plain(name, value)
+    if out.ndim:
+        raise ValueError(f"{name} has the shape {out.shape}: it must be one number")
+    return float(out)
+
+
 def array(name: str, value, *shape: int | None, missing: bool = False) -> np.ndarray:
     """A fresh contiguous float64 array of the given shape; None in `shape` admits any length, `missing` admits NaN.
 
     Raises ValueError for another shape, and for the first value that is not finite with its place.
     """
-    out = np.array(value, dtype=float, order="C")
+    out = np.array(plain(name, value, missing), order="C")
     if out.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, out.shape, strict=True)):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
         raise ValueError(f"{name} has the shape {out.shape}, it must be {wanted}")
@@ -45,23 +104,26 @@ def array(name: str, value, *shape: int | None, missing: bool = False) -> np.nda
     if bad.any():
         place = tuple(int(i) for i in np.argwhere(bad)[0])
         rule = "values must be finite, or NaN where missing" if missing else "values must be finite"
-        raise ValueError(f"{name}[{', '.join(map(str, place))}] is {out[place]}: {rule}")
+        raise ValueError(f"{name}{list(place) or ''} is {out[place]}: {rule}")
     return out
 
 
-def covariance(name: str, value, n: int) -> np.ndarray:
-    """A checked covariance (n, n): finite, symmetric and positive semidefinite up to rounding; returned exactly
-    symmetric.
+def covariance(name: str, value, n: int | None = None) -> np.ndarray:
+    """A checked covariance (n, n), of any n where that is None: finite, symmetric and positive semidefinite up to
+    rounding; returned exactly symmetric.
 
     Both are judged on the correlation matrix, so that the units of the states do not matter.
     Raises ValueError where it is not symmetric, NotPositiveDefinite where an eigenvalue is negative.
     """
+    value = plain(name, value)
+    n = len(value) if n is None and value.ndim else n
     return _judge(array(name, value, n, n)[None], lambda k: name)[0]
 
 
 def covariances(name: str, value, count: int, n: int) -> np.ndarray:
     """Checked covariances (K, n, n) from one (n, n), K = 1, or from one per epoch, K = count."""
-    if np.ndim(value) != 3:
+    value = plain(name, value)
+    if value.ndim != 3:
         return covariance(name, value, n)[None]
     return _judge(array(name, value, count, n, n), lambda k: f"{name}[{k}]")
 
@@ -89,7 +151,8 @@ def _judge(P: np.ndarray, name: Callable[[int], str]) -> np.ndarray:
 
 def matrices(name: str, value, count: int, rows: int, columns: int) -> np.ndarray:
     """Checked matrices (K, rows, columns) from one matrix, K = 1, or from one per epoch, K = count."""
-    if np.ndim(value) != 3:
+    value = plain(name, value)
+    if value.ndim != 3:
         return array(name, value, rows, columns)[None]
     return array(name, value, count, rows, columns)
 

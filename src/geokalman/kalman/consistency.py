@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.special import gammaincc, gammaincinv
 
-from geokalman.kalman.checks import NotPositiveDefinite, array
+from geokalman.kalman.checks import NotPositiveDefinite, array, plain
 
 Result = TypeVar("Result")
 
@@ -37,10 +37,10 @@ def nees(error, cov) -> np.ndarray:
     Raises ValueError for shapes that do not agree or values that are not finite, NotPositiveDefinite with the first
     covariance (counted over the leading axes) that has no root of full rank.
     """
-    e, P = np.asarray(error, dtype=float), np.asarray(cov, dtype=float)
+    e, P = plain("error", error), plain("cov", cov)
     if e.ndim < 1 or P.shape != (*e.shape, e.shape[-1]):
         raise ValueError(f"cov has the shape {P.shape}, for errors {e.shape} it must be (..., n, n)")
-    n = e.shape[-1]
+    n, shape = e.shape[-1], e.shape[:-1]
     e, P = array("error", e.reshape(-1, n), None, n), array("cov", P.reshape(-1, n, n), None, n, n)
     sigma = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), np.finfo(float).tiny))  # scale before factoring
     P = P / sigma[:, :, None] / sigma[:, None, :]
@@ -57,7 +57,7 @@ def nees(error, cov) -> np.ndarray:
     for i in range(n):  # forward substitution, all covariances at once
         w[:, i] = (w[:, i] - np.einsum("kj,kj->k", roots[:, i, :i], w[:, :i])) / roots[:, i, i]
     out = np.einsum("ki,ki->k", w, w)
-    return out.reshape(np.shape(error)[:-1])
+    return out.reshape(shape)
 
 
 def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
@@ -65,7 +65,7 @@ def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
 
     whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...), both 0 in a gap.
     """
-    w = np.asarray(whitened, dtype=float)
+    w = plain("whitened", whitened, missing=True)
     return np.nansum(w**2, axis=-1), np.isfinite(w).sum(axis=-1)
 
 
@@ -79,7 +79,7 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
-    dof = np.atleast_1d(dof)
+    dof = np.atleast_1d(plain("dof", dof))
     count, total = int((dof > 0).sum()), float(dof.sum())
     if count == 0:
         raise ValueError("there is no degree of freedom: every epoch is missing")

@@ -7,7 +7,7 @@ from math import comb, exp, expm1, factorial
 import numpy as np
 from scipy.linalg import expm
 
-from geokalman.kalman.checks import array, covariance
+from geokalman.kalman.checks import array, covariance, plain, scalar
 
 
 def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
@@ -21,9 +21,9 @@ def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
     Raises ValueError for wrong shapes and for h not positive.
     Source: van Loan (1978), IEEE Trans. Autom. Control 23, 395-404; grace-fusion (14), (15).
     """
-    _positive("h", h)
-    F = array("F", F, len(F), len(F))
-    n = len(F)
+    h, F = _positive("h", h), plain("F", F)
+    n = len(F) if F.ndim else 1
+    F = array("F", F, n, n)
     W = covariance("W", W, n)
     halvings = max(0, int(np.ceil(np.log2(max(np.linalg.norm(F, 1) * h, 1.0)))))
     short = h / 2**halvings
@@ -47,7 +47,7 @@ def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tup
     Returns Phi, Q : (order axes, order axes) for the state [position; velocity; ...], each part with all its axes.
     Raises ValueError for an order or a number of axes below 1, for h not positive, for q negative.
     """
-    _positive("h", h)
+    h, q = _positive("h", h), scalar("q", q)
     if order < 1 or axes < 1:
         raise ValueError(f"order = {order} and axes = {axes}: both must be at least 1")
     if not 0.0 <= q < np.inf:
@@ -81,8 +81,7 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
     Returns Phi, Q : (order, order) for the state [x; x'; ...]. Raises ValueError where h, tau or order is not positive.
     Source: Gelb (1974), Applied Optimal Estimation, section 2.2.
     """
-    _positive("h", h)
-    _positive("tau", tau)
+    h, tau, sigma = _positive("h", h), _positive("tau", tau), scalar("sigma", sigma)
     if order < 1 or not 0.0 <= sigma < np.inf:
         raise ValueError(f"order = {order}, sigma = {sigma}: order must be at least 1, sigma finite and not negative")
     if order == 1:
@@ -98,6 +97,8 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
     return Phi * rate[:, None] / rate, Q * rate[:, None] * rate
 
 
-def _positive(name: str, value: float) -> None:
+def _positive(name: str, value: float) -> float:
+    value = scalar(name, value)
     if not 0.0 < value < np.inf:
         raise ValueError(f"{name} = {value} s: it must be positive and finite")
+    return value

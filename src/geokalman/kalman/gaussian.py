@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain
 
 __all__ = ["Gaussian", "Information", "Innovation", "NotPositiveDefinite", "Smoothed", "Trajectory", "gaussian"]
 
@@ -51,6 +51,7 @@ class Trajectory:
     t : (N,) [s]; predicted_mean, mean : (N, n) before and after the update; predicted_cov, cov : (N, n, n);
     whitened : (N, m) innovations, NaN where missing; step : (N - 1,) index into transition, process_noise : (K, n, n)
     for the step from epoch k to k + 1 (an extended or unscented filter keeps its linearisation there).
+    Raises ValueError for arrays that carry more than numbers or do not fit one another.
     """
 
     t: np.ndarray
@@ -62,6 +63,21 @@ class Trajectory:
     transition: np.ndarray
     process_noise: np.ndarray
     step: np.ndarray
+
+    def __post_init__(self) -> None:
+        for item in fields(self)[:-1]:  # all but step, which holds indices
+            values = plain(item.name, getattr(self, item.name), missing=item.name == "whitened")
+            object.__setattr__(self, item.name, values)
+        N, n = self.t.size, self.mean.shape[-1] if self.mean.ndim else 0
+        for name, shape in {
+            "predicted_mean": (N, n), "mean": (N, n), "predicted_cov": (N, n, n), "cov": (N, n, n),
+            "whitened": (N, None), "transition": (None, n, n), "process_noise": (None, n, n), "step": (N - 1,),
+        }.items():  # fmt: skip
+            have = np.shape(getattr(self, name))
+            if len(have) != len(shape) or any(want not in (None, h) for want, h in zip(shape, have, strict=True)):
+                raise ValueError(
+                    f"{name} of a trajectory has the shape {have}, with {N} epochs of {n} states it must be {shape}"
+                )
 
     def __len__(self) -> int:
         return len(self.t)
@@ -94,5 +110,5 @@ def gaussian(mean, cov) -> Gaussian:
     Raises ValueError for wrong shapes, values that are not finite and an unsymmetric cov; NotPositiveDefinite for a cov
     with a negative eigenvalue.
     """
-    m = array("mean", mean, None)
-    return Gaussian(m, covariance("covariance", np.diag(cov) if np.ndim(cov) == 1 else cov, len(m)))
+    m, cov = array("mean", mean, None), plain("covariance", cov)
+    return Gaussian(m, covariance("covariance", np.diag(cov) if cov.ndim == 1 else cov, len(m)))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, plain
 from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
 from geokalman.kalman.linear import Transition, steps
@@ -312,7 +312,8 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
     """
     t = epochs(t)
-    N, n = len(t), np.shape(H)[-1]
+    H = plain("H", H)
+    N, n = len(t), H.shape[-1] if H.ndim else 0
     z, H, R = _observations(z, H, R, N, n)
     Phi, Q, step = steps(transition, t, n)
     G = _roots(Q)

@@ -122,7 +122,7 @@ def filter_manifold(
     observe(k, x) -> (residual (m,), H (m, n), R (m, m)) at the predicted state, or None where there is no observation.
     Returns the Course. Raises ValueError for arrays that do not fit, NotPositiveDefinite with the epoch.
     """
-    P = covariance("cov", cov, np.shape(cov)[0])
+    P = covariance("cov", cov)
     n = len(P)
     x = start
     predicted, state, whitened = [], [], []
@@ -161,7 +161,7 @@ def smooth_manifold(manifold: Manifold, course: Course) -> tuple[list[Any], np.n
     """
     states, covs = list(course.state), course.cov.copy()
     for k in range(len(states) - 2, -1, -1):
-        d_next = np.ascontiguousarray(manifold.local(course.predicted[k + 1], states[k + 1]), dtype=float)
+        d_next = array("local(x, y)", manifold.local(course.predicted[k + 1], states[k + 1]), covs.shape[-1])
         d = np.empty(len(d_next))
         status = error_rts_step(
             course.cov[k],

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from scipy.special import gammaincinv
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
 from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
 from geokalman.kalman.linear import update_step
@@ -158,7 +158,8 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
-    w = innovation.whitened[np.isfinite(innovation.whitened)]
+    w = plain("whitened", innovation.whitened, missing=True)
+    w = w[~np.isnan(w)]
     return bool(w.size == 0 or (w**2).sum() <= 2.0 * gammaincinv(0.5 * w.size, probability))
 
 

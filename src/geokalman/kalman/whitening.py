@@ -81,7 +81,7 @@ def whiten_columns(P0, t, H, R, transition: Transition, columns) -> np.ndarray:
     Statistics 19.
     """
     t = epochs(t)
-    P = covariance("P0", P0, len(np.atleast_2d(P0)))
+    P = covariance("P0", P0)
     n = len(P)
     H, R = matrices("H", H, len(t), 1, n)[:, 0], covariances("R", R, len(t), 1)[:, 0, 0]
     Phi, Q, step = steps(transition, t, n)

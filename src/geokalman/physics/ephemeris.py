@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from geokalman import files
 from geokalman.constants import J2000
-from geokalman.physics.spk import Segment, read_spk
+from geokalman.physics.spk import Segment, SpkError, read_spk
 
 DAY = 86400.0
 BODIES = {
@@ -33,29 +33,21 @@ class OutsideEphemeris(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Ephemeris:
-    """Chebyshev segments that lead from every body to the barycentre of the solar system."""
+    """Chebyshev segments that lead from every body to the barycentre of the solar system.
+
+    Of several segments of one body that cover a time, the last in the file counts.
+    """
 
     name: str
     segments: tuple[Segment, ...]
-
-    @property
-    def first(self) -> float:
-        """First Julian date (TDB) that every segment covers."""
-        return J2000 + max(s.start for s in self.segments) / DAY
-
-    @property
-    def last(self) -> float:
-        """Last Julian date (TDB) that every segment covers."""
-        return J2000 + min(s.end for s in self.segments) / DAY
 
     def position(self, body: str, jd: ArrayLike, seconds: ArrayLike = 0.0, centre: str = "ssb") -> NDArray[np.float64]:
         """Geometric position of a body relative to a centre, ICRF axes [m].
 
         jd : Julian date TDB; seconds : added to it, so that a long series keeps its microseconds; they
         broadcast to (...).
-        body, centre : names of `BODIES`. Returns (..., 3). Raises KeyError for another name, OutsideEphemeris
-        for a time
-        that is not covered.
+        body, centre : names of `BODIES`. Returns (..., 3). Raises ValueError for another name, SpkError for a body
+        that the ephemeris does not hold, OutsideEphemeris for a time that is not covered.
         """
         return self._evaluate(body, centre, jd, seconds, False)
 
@@ -66,28 +58,43 @@ class Ephemeris:
     def _evaluate(self, body, centre, jd, seconds, derivative):
         jd, seconds = np.broadcast_arrays(np.asarray(jd, dtype=float), np.asarray(seconds, dtype=float))
         time = ((jd - J2000) * DAY + seconds).ravel()
-        low, high = (self.first - J2000) * DAY, (self.last - J2000) * DAY
-        bad = ~((time >= low) & (time <= high))
-        if bad.any():
-            at = J2000 + time[bad.argmax()] / DAY
-            raise OutsideEphemeris(
-                f"JD {at:.3f} TDB is outside {self.name}, which covers JD {self.first:.1f} to {self.last:.1f}; give a date inside, "
-                "or the path of a longer SPK file (DE421 itself covers 1899-07-29 to 2053-10-09)."
+        for name in (body, centre):
+            if name not in BODIES:
+                raise ValueError(f"body {name!r} is unknown; known are {', '.join(BODIES)}.")
+        (near, root), (far, other) = (self._from_root(BODIES[name], time, derivative) for name in (body, centre))
+        if (apart := root != other).any():
+            missing = max(int(root[apart][0]), int(other[apart][0]))
+            held = ", ".join(sorted({_name(s.target) for s in self.segments}))
+            raise SpkError(
+                f"{self.name} has no segment of {_name(missing)}, which leads from {body} to {centre}; it has {held}."
             )
-        total = self._from_ssb(body, time, derivative) - self._from_ssb(centre, time, derivative)
-        return total.reshape(*jd.shape, 3)
+        return (near - far).reshape(*jd.shape, 3)
 
-    def _from_ssb(self, body, time, derivative):
-        if body not in BODIES:
-            raise KeyError(f"body {body!r} is unknown; known are {', '.join(BODIES)}.")
-        number, total = BODIES[body], np.zeros((len(time), 3))
-        while number != 0:
-            segment = next((s for s in self.segments if s.target == number), None)
-            if segment is None:
-                raise KeyError(f"{self.name} has no segment for body {number}, which {body} needs.")
-            total += segment.evaluate(time, derivative)
-            number = segment.centre
-        return total
+    def _from_root(self, number, time, derivative, path=()):
+        """Vectors (n, 3) from where the chain of segments ends, and the number of that body (n,), at times (n,)."""
+        if number in path:
+            raise SpkError(f"{self.name}: the segments of {' and '.join(map(_name, path))} refer to one another only.")
+        total, root, left = np.zeros((len(time), 3)), np.full(len(time), number), np.ones(len(time), dtype=bool)
+        own = [s for s in self.segments if s.target == number]
+        if number == 0 or not own:
+            return total, root
+        for segment in reversed(own):
+            inside = left & (segment.begin <= time) & (time <= segment.end)
+            if inside.any():
+                before, root[inside] = self._from_root(segment.centre, time[inside], derivative, (*path, number))
+                total[inside] = segment.evaluate(time[inside], derivative) + before
+                left &= ~inside
+        if left.any():
+            spans = ", ".join(f"{J2000 + s.begin / DAY:.1f} to {J2000 + s.end / DAY:.1f}" for s in own)
+            raise OutsideEphemeris(
+                f"JD {J2000 + time[left.argmax()] / DAY:.3f} TDB is outside {self.name}, which covers JD {spans} for "
+                f"{_name(number)}; give a date inside, or the path of a longer SPK file (DE421 itself covers 1899-07-29 to 2053-10-09)."
+            )
+        return total, root
+
+
+def _name(number: int) -> str:
+    return next((name for name, known in BODIES.items() if known == number), f"body {number}")
 
 
 def load_ephemeris(path: str | os.PathLike = "") -> Ephemeris:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from geokalman.constants import GM_EARTH, R_EARTH
 
 Array = NDArray[np.float64]
 TIDE_SYSTEMS = ("tide_free", "zero_tide", "mean_tide", "unknown")
@@ -128,6 +132,39 @@ class GravityField:
     def __reduce__(self) -> tuple:  # through __init__, so that the arrays of a copy are read-only too
         keys = ("name", "gm", "radius", "C", "S", "tide_system", "sigma_C", "sigma_S")
         return GravityField, tuple(getattr(self, key) for key in keys)
+
+
+class Body(NamedTuple):
+    """What tells the field of one body from another: GM [m^3 s^-2], reference radius [m], fully normalised C20."""
+
+    name: str
+    gm: float
+    radius: float
+    C20: float
+
+
+EARTH = Body("the Earth", GM_EARTH, R_EARTH, -4.84165e-4)
+MOON = Body("the Moon", 4.9028e12, 1738.0e3, -9.088e-5)
+MARS = Body("Mars", 4.2828e13, 3397.0e3, -8.745e-4)
+BODIES = (EARTH, MOON, MARS)
+
+
+def require_body(field: GravityField, body: Body) -> GravityField:
+    """The field, unless its GM (to 1 %), radius (to 3 %) or C20 (to 2 %) is not that of the body: then ValueError."""
+    if abs(field.gm / body.gm - 1.0) > 0.01:
+        cure = "it is in km^3/s^2" if abs(1e9 * field.gm / body.gm - 1.0) < 0.01 else "it is that of another body"
+        raise ValueError(f"{field.name}: GM = {field.gm:g} is not that of {body.name}, {body.gm:g} m^3/s^2; {cure}.")
+    if abs(field.radius / body.radius - 1.0) > 0.03:
+        cure = "; it is in km" if abs(1e3 * field.radius / body.radius - 1.0) < 0.03 else ""
+        raise ValueError(
+            f"{field.name}: radius = {field.radius:g} is not that of {body.name}, {body.radius:g} m{cure}."
+        )
+    if abs(field.C[2, 0] / body.C20 - 1.0) > 0.02:
+        raise ValueError(
+            f"{field.name}: C20 = {field.C[2, 0]:g} where the fully normalised one of {body.name} is {body.C20:g}; "
+            f"unnormalised it would be {math.sqrt(5.0) * body.C20:.4g}."
+        )
+    return field
 
 
 def _triangle(values: Array, where: str) -> Array:

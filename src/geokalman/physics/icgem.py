@@ -6,87 +6,52 @@ intervals per coefficient.
 
 from __future__ import annotations
 
+import array
 import datetime
 import gzip
 import math
 import os
-import re
 import tempfile
-import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from geokalman.physics.field import TIDE_SYSTEMS, Array, GravityField
+from geokalman.physics.field import BODIES, Array, GravityField
+from geokalman.physics.icgem_epoch import TIME_COLUMNS, Term, at_epoch, instant, term
+from geokalman.physics.icgem_header import GfcError, Header, read_header
+from geokalman.reading import Place, lines
 
-_TIME_COLUMNS = {  # after C, S and errors: key -> columns in icgem1.0, icgem2.0 (t0, t1, period)
-    "gfc": (0, 0),
-    "gfct": (1, 2),
-    "trnd": (0, 2),
-    "dot": (0, 2),
-    "acos": (1, 3),
-    "asin": (1, 3),
-}
-_ERROR_COLUMNS = {"no": 0, "calibrated": 2, "formal": 2, "calibrated_and_formal": 4}
-_NORMS = ("fully_normalized", "unnormalized")
+__all__ = ["GfcError", "GfcWarning", "read_gfc", "write_gfc"]
+
+GEOCENTRE = 0.1
+"""Largest distance [m] of the centre of mass from the origin that is left out with a warning."""
 _UNNORMALISED_LIMIT = 150  # above, (2n)! leaves the range of float64
-_NO_EXPONENT_LETTER = re.compile(r"([+-]?\d*\.?\d*)([+-]\d{3})$")  # Fortran drops the letter of a 3-digit exponent
+_DENSITIES = (100.0, 50e3)  # kg/m^3; Saturn has 687, the Earth 5514, and a reference radius need not be the mean one
+_PLANETS = (*(b.gm for b in BODIES), 2.2032e13, 3.24859e14, 1.26687e17, 3.7931e16, 5.794e15, 6.8365e15)  # m^3/s^2
+_COLUMNS = 7  # of the table of coefficients: line, degree, order, C, S and their standard deviations
 
 
-class GfcError(ValueError):
-    """A `.gfc` file that is not what it claims to be; the message names file, line and what would be right."""
-
-
-class _Line(NamedTuple):
-    path: Path
-    number: int
-
-    def error(self, text: str) -> GfcError:
-        return GfcError(f"{self.path}, line {self.number}: {text}")
-
-
-@dataclass(frozen=True)
-class _Header:
-    name: str
-    gm: float
-    radius: float
-    n_max: int
-    errors: int | None  # columns of standard deviations; None where the header does not say
-    unnormalised: bool
-    tide_system: str
-    version: int  # 0: icgem1.0, 1: icgem2.0
-
-
-class _Term(NamedTuple):
-    """One time-dependent data line."""
-
-    key: str
-    C: float
-    S: float
-    sigma: list[float]
-    begin: datetime.datetime | None
-    end: datetime.datetime | None
-    period: float  # years
-    where: _Line
+class GfcWarning(UserWarning):
+    """Something in a `.gfc` file is left out; the message says what."""
 
 
 def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> GravityField:
-    """Read a gravity field model in ICGEM format, plain or gzipped.
+    """Read a gravity field model in ICGEM format, plain or compressed.
 
     Time-variable coefficients (`gfct`) are taken at their reference epoch t0, without trend and periodic terms; with
     `epoch` they are C(t) = C(t0) + trnd dt + sum_k [acos_k cos(2 pi dt / T_k) + asin_k sin(2 pi dt / T_k)], dt and T_k
     in years of 365.25 d. A coefficient with several intervals (icgem2.0) needs `epoch`. Absent C_00 is 1, absent
-    degree 1 is zero; every other coefficient up to `max_degree` must be there. Unnormalised coefficients are
-    normalised (up to degree 150). Of calibrated and formal errors the calibrated ones are kept. S_n0, which multiplies
-    sin 0, is read as zero.
+    degree 1 is zero; every other coefficient up to `max_degree` must be there. A degree 1 that puts the centre of mass
+    within `GEOCENTRE` of the origin is left out with a GfcWarning. Unnormalised coefficients are normalised (up to
+    degree 150). Of calibrated and formal errors the calibrated ones are kept. S_n0, which multiplies sin 0, is read as
+    zero. GM and radius are in m^3 s^-2 and m unless the header says km.
 
     Parameters
     ----------
-    path : path of the file (`.gfc` or `.gfc.gz`).
-    epoch : date at which a time-variable field is wanted.
+    path : path of the file (`.gfc`; gzip, xz and bzip2 are told by the first bytes).
+    epoch : date at which a time-variable field is wanted; without a time zone in UTC.
 
     Returns
     -------
@@ -97,59 +62,33 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     FileNotFoundError
         No such file.
     GfcError
-        One sentence with file, line, value and what would be right.
+        One sentence with file, line, value and what would be right: a damaged file, a keyword that is unknown, a
+        coefficient that is missing or doubled, values that no planet or moon has.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"No gravity field at {path}; give the path of an ICGEM .gfc file.")
-    lines = _lines(path)
-    head = _read_header(path, lines)
-    size = head.n_max + 1
-    C, S = np.zeros((size, size)), np.zeros((size, size))
-    sigma = np.zeros((2, size, size))
-    has_sigma = False
-    seen: dict[tuple[int, int], int] = {}
-    terms: dict[tuple[int, int], list[_Term]] = {}
-    for where, line in lines:
-        words = line.split()
-        if not words:
-            continue
-        key, n, m, numbers, times = _split_row(words, head, where)
-        if key == "gfc":
-            if (n, m) in seen:
-                raise where.error(f"coefficient ({n}, {m}) occurs twice, first in line {seen[n, m]}.")
-            seen[n, m] = where.number
-            C[n, m], S[n, m] = numbers[0], numbers[1]
-            if len(numbers) > 2:
-                has_sigma = True
-                sigma[:, n, m] = numbers[2:4]
-        else:
-            terms.setdefault((n, m), []).append(_time_term(key, numbers, times, head, where))
-    for (n, m), group in terms.items():
-        where = group[0].where
-        if (n, m) in seen:
-            raise where.error(f"coefficient ({n}, {m}) occurs twice, first in line {seen[n, m]}.")
-        seen[n, m] = where.number
-        C[n, m], S[n, m], errors = _at_epoch(group, epoch, (n, m))
-        if errors:
-            has_sigma = True
-            sigma[:, n, m] = errors[:2]
-    _require_complete(path, head.n_max, seen)
-    C[0, 0] = C[0, 0] if (0, 0) in seen else 1.0
-    S[:, 0] = 0.0  # it multiplies sin 0; some files carry rounding there
+    path, time = Path(path), instant(epoch)
+    stream = lines(path, "gravity field", GfcError)
+    head = read_header(path, stream)
+    rows, terms = _read_rows(head, stream)
+    for nm, group in terms.items():
+        _append(rows, group[0].place, nm, at_epoch(group, time, nm))
+    table = np.array(rows).reshape(-1, _COLUMNS)
+    line, n, m = table[:, :3].astype(np.int64).T
+    _require_complete(path, head.n_max, n, m, line)
+    C, S = np.zeros((2, head.n_max + 1, head.n_max + 1))
+    C[0, 0] = 1.0  # absent C_00 is 1, absent degree 1 is zero
+    C[n, m], S[n, m] = table[:, 3], np.where(m == 0, 0.0, table[:, 4])  # S_n0 multiplies sin 0; some carry rounding
+    sigma = None
+    if not np.isnan(table[:, 5]).all():
+        sigma = np.zeros((2, *C.shape))
+        sigma[:, n, m] = np.nan_to_num(table[:, 5:]).T
     if head.unnormalised:
         factor = _normalisation(path, head.n_max)
-        C, S, sigma = C / factor, S / factor, sigma / factor
+        C, S, sigma = C / factor, S / factor, None if sigma is None else sigma / factor
+    _require_physical(head, C, S, lambda n_, m_: Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError))
+    _leave_out_degree_one(path, head.radius, C, S)
     try:
         return GravityField(
-            name=head.name,
-            gm=head.gm,
-            radius=head.radius,
-            C=C,
-            S=S,
-            tide_system=head.tide_system,
-            sigma_C=sigma[0] if has_sigma else None,
-            sigma_S=sigma[1] if has_sigma else None,
+            head.name, head.gm, head.radius, C, S, head.tide_system, *(sigma if sigma is not None else ())
         )
     except ValueError as error:
         raise GfcError(f"{path}: {error}") from None
@@ -190,163 +129,124 @@ def write_gfc(field: GravityField, path: str | os.PathLike) -> Path:
     return path
 
 
-def _lines(path: Path) -> Iterator[tuple[_Line, str]]:
-    opened = gzip.open if path.suffix == ".gz" else open
-    number = 0
-    try:
-        with opened(path, "rt", encoding="utf-8", errors="replace") as stream:
-            for number, line in enumerate(stream, start=1):
-                yield _Line(path, number), line
-    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise GfcError(f"{path}, after line {number}: the gzip stream is damaged or truncated ({error}).") from None
-
-
-def _read_header(path: Path, lines: Iterator[tuple[_Line, str]]) -> _Header:
-    found: dict[str, tuple[str, _Line]] = {}
-    for where, line in lines:
+def _read_rows(
+    head: Header, stream: Iterator[tuple[Place, str]]
+) -> tuple[array.array, dict[tuple[int, int], list[Term]]]:
+    """The static coefficients as rows of a table, and the terms of the time-variable ones."""
+    rows = array.array("d")
+    terms: dict[tuple[int, int], list[Term]] = {}
+    for place, line in stream:
         words = line.split()
-        if not words:
+        if not words or words[0].startswith("#"):
             continue
-        if words[0] == "begin_of_head":
-            found.clear()
-        elif words[0].startswith("end_of_head"):
-            break
-        elif len(words) > 1:
-            key = words[0].lower()
-            found.setdefault("gravity_constant" if key == "earth_gravity_constant" else key, (words[1], where))
-    else:
-        raise GfcError(f"{path}: no line 'end_of_head'; this is no ICGEM file, or it is truncated.")
-
-    def wanted(key: str, meaning: str) -> float:
-        if key not in found:
-            raise GfcError(f"{path}: the header lacks {meaning}.")
-        text, where = found[key]
-        value = _number(text, where)
-        if value <= 0:
-            raise where.error(f"{key} = {text} must be positive.")
-        return value
-
-    def choice(key: str, allowed: tuple[str, ...], default: str) -> str:
-        text, where = found.get(key, (default, None))
-        if text.lower() not in allowed and where is not None:
-            raise where.error(f"{key} '{text}' is unknown; known are {', '.join(allowed)}.")
-        return text.lower()
-
-    choice("product_type", ("gravity_field",), "gravity_field")
-    n_max = wanted("max_degree", "the line 'max_degree'")
-    if n_max != int(n_max) or n_max < 2:
-        raise found["max_degree"][1].error(f"max_degree = {found['max_degree'][0]} must be an integer of at least 2.")
-    errors = choice("errors", tuple(_ERROR_COLUMNS), "unstated")
-    return _Header(
-        name=found["modelname"][0] if "modelname" in found else path.name.split(".")[0],
-        gm=wanted("gravity_constant", "GM (a line 'earth_gravity_constant' or 'gravity_constant')"),
-        radius=wanted("radius", "the reference radius (a line 'radius')"),
-        n_max=int(n_max),
-        errors=_ERROR_COLUMNS.get(errors),
-        unnormalised=choice("norm", _NORMS, _NORMS[0]) == "unnormalized",
-        tide_system=_tide_system(found["tide_system"][0] if "tide_system" in found else "unknown"),
-        version=1 if found.get("format", ("icgem1.0", None))[0].lower().startswith("icgem2") else 0,
-    )
+        key, n, m, numbers, times = _split_row(words, head, place)
+        if key == "gfc":
+            _append(rows, place, (n, m), (numbers[0], numbers[1], numbers[2:]))
+        else:
+            terms.setdefault((n, m), []).append(term(key, numbers, times, head.version, place))
+    return rows, terms
 
 
-def _tide_system(text: str) -> str:
-    """The tide system as files in circulation spell it: `tide_free`, `zero`, `Zero-Tide`, ..."""
-    spoken = (system for system in TIDE_SYSTEMS[:3] if system.replace("_", "").replace("tide", "") in text.lower())
-    return next(spoken, "unknown")
+def _append(rows: array.array, place: Place, nm: tuple[int, int], value: tuple[float, float, list[float]]) -> None:
+    sigma = value[2][:2] or (math.nan, math.nan)  # calibrated errors stand before formal ones
+    if sigma[0] < 0 or sigma[1] < 0:
+        raise place.error(f"standard deviations {sigma[0]} and {sigma[1]} of coefficient {nm} must not be negative.")
+    rows.extend((place.line, *nm, *value[:2], *sigma))
 
 
-def _split_row(words: list[str], head: _Header, where: _Line) -> tuple[str, int, int, list[float], list[str]]:
+def _split_row(words: list[str], head: Header, place: Place) -> tuple[str, int, int, list[float], list[str]]:
     """Key, degree, order, numbers (C, S and errors) and time columns of a data line."""
-    key = words[0]
-    if key not in _TIME_COLUMNS:
-        raise where.error(f"'{key}' begins no data line; they begin with {', '.join(_TIME_COLUMNS)}.")
-    n_times = _TIME_COLUMNS[key][head.version]
+    key = words[0].lower()
+    if key not in TIME_COLUMNS:
+        raise place.error(f"'{words[0]}' begins no data line; they begin with {', '.join(TIME_COLUMNS)}.")
+    n_times = TIME_COLUMNS[key][head.version]
     errors = head.errors if head.errors is not None else (2 if len(words) - n_times >= 7 else 0)
+    if len(words) == 5 + n_times and key not in ("gfc", "gfct"):
+        errors = 0  # those of a rate are not needed
     needed = 5 + errors + n_times
+    columns = f"(key, degree, order, C, S, {errors} errors, {n_times} of time)"
     if len(words) < needed:
-        raise where.error(
-            f"{len(words)} columns where {needed} are needed (key, degree, order, C, S, {errors} errors, {n_times} "
-            "of time); is the file truncated?"
-        )
+        raise place.error(f"{len(words)} columns where {needed} are needed {columns}; is the file truncated?")
+    if key != "gfc" and len(words) > needed and words[needed][0].isdigit():
+        cure = "" if head.version else "; with two dates the header says 'format icgem2.0'"
+        raise place.error(f"{len(words)} columns where {needed} are right {columns}{cure}.")
     try:
         n, m = int(words[1]), int(words[2])
     except ValueError:
-        raise where.error(f"degree and order '{words[1]} {words[2]}' must be integers.") from None
+        raise place.error(f"degree and order '{words[1]} {words[2]}' must be integers.") from None
     if not 0 <= m <= n:
-        raise where.error(f"degree {n} and order {m} must satisfy 0 <= order <= degree.")
+        raise place.error(f"degree {n} and order {m} must satisfy 0 <= order <= degree.")
     if n > head.n_max:
-        raise where.error(f"degree {n} exceeds the header's max_degree {head.n_max}.")
-    numbers = [_number(word, where) for word in words[3 : 5 + errors]]
-    return key, n, m, numbers, words[needed - n_times : needed]
+        raise place.error(f"degree {n} exceeds the header's max_degree {head.n_max}.")
+    return key, n, m, [place.number(word) for word in words[3 : 5 + errors]], words[needed - n_times : needed]
 
 
-def _number(text: str, where: _Line) -> float:
-    """A float as C or Fortran write it: 1.5e-3, 1.5D-03, 1.5-103."""
-    try:
-        value = float(text)
-    except ValueError:
-        letter = text.replace("D", "e").replace("d", "e")
-        split = _NO_EXPONENT_LETTER.match(letter)
-        try:
-            value = float(f"{split[1]}e{split[2]}" if split else letter)
-        except ValueError:
-            raise where.error(f"'{text}' is not a number.") from None
-    if not math.isfinite(value):
-        raise where.error(f"'{text}' is not finite.")
-    return value
-
-
-def _time_term(key: str, numbers: list[float], times: list[str], head: _Header, where: _Line) -> _Term:
-    dates = [_date(text, where) for text in times[: 1 if key == "gfct" and not head.version else 2 * head.version]]
-    period = _number(times[-1], where) if key in ("acos", "asin") else math.inf
-    if period <= 0:
-        raise where.error(f"period {times[-1]} must be positive (years).")
-    begin, end = (dates + [None, None])[:2]
-    return _Term("trnd" if key == "dot" else key, numbers[0], numbers[1], numbers[2:], begin, end, period, where)
-
-
-def _date(text: str, where: _Line) -> datetime.datetime:
-    day, _, clock = text.partition(".")
-    try:
-        return datetime.datetime.strptime(day + clock.ljust(4, "0")[:4], "%Y%m%d%H%M")
-    except ValueError:
-        raise where.error(f"'{text}' is no date of the form yyyymmdd or yyyymmdd.hhmm.") from None
-
-
-def _at_epoch(group: list[_Term], epoch: datetime.date | None, nm: tuple[int, int]) -> tuple[float, float, list[float]]:
-    """Value and errors of one time-variable coefficient."""
-    first = group[0].where
-    time = None
-    if epoch is not None:
-        time = epoch if isinstance(epoch, datetime.datetime) else datetime.datetime(epoch.year, epoch.month, epoch.day)
-        time = time.replace(tzinfo=None)
-        group = [t for t in group if (t.end is None or t.begin <= time < t.end)]
-    base = [t for t in group if t.key == "gfct"]
-    if not base:
-        asked = f"covers {epoch}" if epoch is not None else "gives its value"
-        raise first.error(f"coefficient {nm} is time-variable, but no gfct line {asked}.")
-    if len(base) > 1:
-        cure = "give one epoch" if time is None and base[0].end is not None else "one is right"
-        raise base[1].where.error(f"coefficient {nm} has {len(base)} gfct lines, first in line {first.number}; {cure}.")
-    C, S = base[0].C, base[0].S
-    if time is not None:
-        years = (time - base[0].begin).total_seconds() / (365.25 * 86400.0)
-        for term in group:
-            if term.key == "gfct":
-                continue
-            angle = 2.0 * math.pi * years / term.period
-            factor = {"trnd": years, "acos": math.cos(angle), "asin": math.sin(angle)}[term.key]
-            C, S = C + factor * term.C, S + factor * term.S
-    return C, S, base[0].sigma
-
-
-def _require_complete(path: Path, n_max: int, seen: dict[tuple[int, int], int]) -> None:
-    missing = [(n, m) for n in range(2, n_max + 1) for m in range(n + 1) if (n, m) not in seen]
+def _require_complete(path: Path, n_max: int, n: Array, m: Array, line: Array) -> None:
+    """Raise GfcError for a coefficient given twice, and for those up to the max_degree that are missing."""
+    index = n * (n + 1) // 2 + m
+    order = np.argsort(index, kind="stable")
+    index = index[order]
+    if (twice := np.flatnonzero(index[1:] == index[:-1])).size:
+        first, second = np.sort(line[order[twice[0] : twice[0] + 2]])
+        nm = tuple(int(column[order[twice[0]]]) for column in (n, m))
+        raise Place(path, int(second), GfcError).error(f"coefficient {nm} occurs twice, first in line {first}.")
+    known = index[index >= 3]
+    missing = (n_max + 1) * (n_max + 2) // 2 - 3 - known.size
     if missing:
-        listed = ", ".join(map(str, missing[:5])) + (", ..." if len(missing) > 5 else "")
+        gaps = [int(k) for k in np.setdiff1d(np.arange(3, known.size + 8), known)[: min(missing, 5)]]
+        degrees = [(math.isqrt(8 * k + 1) - 1) // 2 for k in gaps]
+        listed = ", ".join(str((n, k - n * (n + 1) // 2)) for n, k in zip(degrees, gaps, strict=True))
         raise GfcError(
-            f"{path}: {len(missing)} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}"
-            "; the file is truncated or its max_degree is wrong."
+            f"{path}: {missing} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}"
+            f"{', ...' if missing > 5 else ''}; the file is truncated or its max_degree is wrong."
+        )
+
+
+def _require_physical(head: Header, C: Array, S: Array, place: Callable[[int, int], Place]) -> None:
+    """Raise GfcError for GM, radius and coefficients that no planet or moon has; `place` is that of a coefficient."""
+    density = 3.0 / (4.0 * math.pi * 6.6743e-11) * head.gm / head.radius / head.radius / head.radius
+    given = f"GM = {head.gm:.10g} m^3/s^2 and radius = {head.radius:.10g} m"
+    if not _DENSITIES[0] < density < _DENSITIES[1]:
+        lengths = {"radius": 1e9, "gravity_constant": 1e-9}  # what the density would be divided by, were one in km
+        key = next((k for k, f in lengths.items() if _DENSITIES[0] < density / f < _DENSITIES[1]), "radius")
+        raise head.places[key].error(
+            f"{given} give the density {density:.3g} kg/m^3, which no body has; a value in km needs its unit."
+        )
+    if any(abs(1e9 * head.gm / gm - 1.0) < 0.01 for gm in _PLANETS):
+        raise head.places["gravity_constant"].error(
+            f"{given} are those of a planet in km^3/s^2 and km; give metres, or the unit behind each value."
+        )
+    if C[0, 0] == 0.0:
+        raise place(0, 0).error(
+            "C_00 is 0: this is a difference of fields or a correction, and a field is needed (C_00 = 1)."
+        )
+    body = next((body for body in BODIES if abs(head.gm / body.gm - 1.0) < 0.01), None)
+    size = np.maximum(np.abs(C), np.abs(S))
+    size[:2] = 0.0
+    n, m = (int(i) for i in np.unravel_index(np.argmax(size), size.shape))
+    if body is None:
+        if size[n, m] >= 1.0:
+            raise place(n, m).error(f"coefficient ({n}, {m}) = {C[n, m]:g}, {S[n, m]:g} is that of no body.")
+        return
+    rule = f"of {body.name} none exceeds its C20, {body.C20:g} fully normalised"
+    if not head.unnormalised and abs(C[2, 0] / body.C20 / math.sqrt(5.0) - 1.0) < 0.02:
+        rule += f"; {C[2, 0]:g} is unnormalised, of which the header says 'norm unnormalized'"
+    if size[n, m] > 1.05 * abs(body.C20):
+        raise place(n, m).error(f"coefficient ({n}, {m}) = {C[n, m]:g}, {S[n, m]:g}: {rule}.")
+    if C[2, 0] / body.C20 < -0.05:
+        raise place(2, 0).error(f"C20 = {C[2, 0]:g} has the wrong sign: that of {body.name} is {body.C20:g}.")
+
+
+def _leave_out_degree_one(path: Path, radius: float, C: Array, S: Array) -> None:
+    """Zero degree 1: the centre of mass is at sqrt(3) R (C11, S11, C10), and fields refer to it."""
+    terms = f"degree 1 (C10 = {C[1, 0]:g}, C11 = {C[1, 1]:g}, S11 = {S[1, 1]:g}) puts the centre of mass"
+    offset = math.sqrt(3.0) * radius * math.hypot(C[1, 0], C[1, 1], S[1, 1])
+    if offset > GEOCENTRE:
+        raise GfcError(f"{path}: {terms} {offset:.3g} m from the origin; at most {GEOCENTRE} m is left out.")
+    if offset:
+        C[1], S[1] = 0.0, 0.0
+        warnings.warn(
+            f"{path}: {terms} {1e3 * offset:.2g} mm from the origin; it is left out.", GfcWarning, stacklevel=3
         )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geokalman.constants import J2000
+from geokalman.physics.field import MARS, require_body
 from geokalman.physics.frames import rotation_z
 from geokalman.physics.harmonics import GravityField, load_field
 
@@ -28,7 +29,6 @@ RADIUS = 3397.0e3
 """Reference radius of GMM-2B [m]; below it an orbiter has hit Mars."""
 OMEGA = math.radians(MERIDIAN[1]) / 86400.0
 """Rotation rate of Mars [rad/s]."""
-_GM, _C20 = 4.2828e13, -8.745e-4
 
 
 def rotation_x(angle: float) -> NDArray[np.float64]:
@@ -63,23 +63,7 @@ def gravity(n_max: int | None = None, path: str | os.PathLike = "") -> GravityFi
     Raises ValueError for a degree that the field lacks, and for a field that cannot be that of Mars: GM or radius in
     kilometres, unnormalised coefficients, another body. Source: Lemoine et al. (2001), J. Geophys. Res. 106(E10).
     """
-    return checked(load_field(os.fspath(path) or "GMM2B", n_max))
-
-
-def checked(field: GravityField) -> GravityField:
-    """The field, unless its constants are not those of Mars in SI units and full normalisation: then ValueError."""
-    if abs(field.gm / _GM - 1.0) > 0.01:
-        raise ValueError(
-            f"{field.name}: GM = {field.gm:g} is not that of Mars, {_GM:g} m^3/s^2; is it in km^3/s^2, or another body?"
-        )
-    if not 3.3e6 < field.radius < 3.5e6:
-        raise ValueError(f"{field.name}: radius = {field.radius:g} is not that of Mars, {RADIUS:g} m; is it in km?")
-    if abs(field.C[2, 0] / _C20 - 1.0) > 0.02:
-        raise ValueError(
-            f"{field.name}: C20 = {field.C[2, 0]:g} where the fully normalised one of Mars is {_C20:g}; "
-            f"unnormalised it would be {math.sqrt(5.0) * _C20:.4g}."
-        )
-    return field
+    return require_body(load_field(os.fspath(path) or "GMM2B", n_max), MARS)
 
 
 def j2(field: GravityField) -> float:

@@ -6,6 +6,7 @@ and changing errors stand in the differences of two orbits.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -68,7 +69,7 @@ def integrate(
     h : step [s], default 10 (gj) or 15 (dop853); rk45 chooses its own
     surface : distance from the origin below which a body has hit something [m]
     rtol, atol : tolerances of rk45 alone
-    progress : called with the fraction done after every 8640 steps
+    progress : called with the fraction done after every 8640 steps (rk45: evaluations)
     Returns Orbits. Raises ValueError for bad input, ArithmeticError when a body falls below the surface or diverges.
     A long run stops at Ctrl-C; looks at it do not change a bit of the result.
     Source: Hairer, Norsett & Wanner 1993 (DOP853); Berry & Healy 2004 (Gauss-Jackson).
@@ -239,8 +240,11 @@ def _rk45(force, params, y, times, surface, rtol, atol, progress):
     if not (rtol > 0.0 and atol > 0.0):
         raise ValueError(f"tolerances rtol = {rtol:g}, atol = {atol:g} must be positive")
     acceleration = np.empty(y.size // 2)
+    calls = itertools.count(1)
 
     def slope(time, state):
+        if progress is not None and next(calls) % CHUNK == 0:
+            progress(float((time - times[0]) / (times[-1] - times[0])))
         force(time, state, params, acceleration)
         bodies = np.empty((y.size // 6, 2, 3))
         bodies[:, 0] = state.reshape(-1, 2, 3)[:, 1]

@@ -20,7 +20,10 @@ _LEAP = (
     (57754, 37),
 )  # fmt: skip
 _KNOWN_UNTIL = 61584  # 2027-06-28, when IERS Bulletin C 72 expires
-_UTC = re.compile(r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:\.\d+)?))?)?\s*(?:Z|UTC)?")
+_UTC = re.compile(
+    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d(?:[.,]\d+)?))?)?\s*(Z|UTC|[+-]\d\d(?::?[0-5]\d)?)?",
+    re.ASCII | re.I,
+)
 
 
 def mjd_of_date(year: int, month: int, day: int) -> int:
@@ -55,30 +58,45 @@ def seconds_of_day(mjd: int) -> int:
 def parse_utc(text: str) -> tuple[int, float]:
     """(modified Julian date of the day, seconds since its 0h) of an epoch as `2013-05-07 13:15:22`, with T or blank.
 
-    Second 60 is taken where a leap second stands. Raises ValueError for another form, a date or a time that does not
-    exist.
+    A zone (Z, UTC, +02:00) is honoured, none means UTC; second 60 is taken where a leap second stands. Raises
+    ValueError for another form, a date or a time that does not exist. Source: ISO 8601-1:2019.
     """
     match = _UTC.fullmatch(text.strip())
-    if match is None:
+    if match is None or (match[4] is None and (match[7] or "Z")[0] in "+-"):  # a zone goes with a time of day
         raise ValueError(f"{text!r} is no UTC epoch; write it as 2013-05-07 13:15:22")
     year, month, day, hour, minute = (int(part or 0) for part in match.groups()[:5])
-    second = float(match[6] or 0.0)
+    second, zone = float((match[6] or "0").replace(",", ".")), (match[7] or "Z").replace(":", "")
+    east = 0 if zone[0] not in "+-" else int(zone[0] + "1") * (60 * int(zone[1:3]) + int(zone[3:] or 0))  # minutes
     try:
         mjd = mjd_of_date(year, month, day)
     except ValueError as error:
         raise ValueError(f"{text!r} is no UTC epoch: {error}") from error
-    total = 3600.0 * hour + 60.0 * minute + second
-    longest = 60.0 if (hour, minute) != (23, 59) else 60.0 + seconds_of_day(mjd) - 86400
-    if hour > 23 or minute > 59 or second >= longest:
+    if hour > 23 or minute > 59 or abs(east) >= 24 * 60:
+        raise ValueError(f"{text!r} is no UTC epoch: its time of day or its zone does not exist")
+    days, minutes = divmod(60 * hour + minute - east, 24 * 60)
+    mjd += days
+    if second >= 60.0 and not (minutes == 1439 and second < 61.0 and _length(mjd) == 86401):
         raise ValueError(
-            f"{text!r} is no UTC epoch: its time of day does not exist (MJD {mjd} has {seconds_of_day(mjd)} s)"
+            f"{text!r} is no UTC epoch: its time of day does not exist (no leap second is known to end that minute)"
         )
-    return mjd, total
+    return mjd, 60.0 * minutes + second
 
 
 def iso_utc(mjd: int, seconds: float) -> str:
-    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd` without further leap
-    seconds."""
-    date = datetime.date.fromordinal(mjd + 678576 + int(seconds // 86400))
-    minutes, second = divmod(seconds % 86400, 60)
-    return f"{date.isoformat()} {int(minutes // 60):02d}:{int(minutes % 60):02d}:{second:05.2f}"
+    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd`, leap seconds among them."""
+    hundredths = round(100.0 * seconds)  # first, so that 59.999 s become a new minute
+    while hundredths < 0:
+        mjd -= 1
+        hundredths += 100 * _length(mjd)
+    while hundredths >= 100 * _length(mjd):
+        hundredths -= 100 * _length(mjd)
+        mjd += 1
+    minutes = min(hundredths // 6000, 1439)  # 23:59:60 belongs to the last minute
+    hundredths -= 6000 * minutes
+    date = datetime.date.fromordinal(mjd + 678576).isoformat()
+    return f"{date} {minutes // 60:02d}:{minutes % 60:02d}:{hundredths // 100:02d}.{hundredths % 100:02d}"
+
+
+def _length(mjd: int) -> int:
+    """Length of a UTC day [s], 86400 outside the years whose leap seconds are known."""
+    return seconds_of_day(mjd) if _LEAP[0][0] <= mjd <= _KNOWN_UNTIL else 86400

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -9,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geokalman import progress
 from geokalman.kalman.consistency import monte_carlo
 from geokalman.physics.field import GravityField
 from geokalman.pulsar import accelerations, assess, estimate, simulate
@@ -126,11 +128,18 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
     if len(set(seeds)) < len(seeds):
         twice = next(s for s in seeds if seeds.count(s) > 1)
         raise ValueError(f"seed {twice} is repeated; each run of an ensemble needs a seed of its own.")
+    tell, count = progress.share("runs"), itertools.count(1)
+
+    def counted(rng: np.random.Generator) -> dict[str, Score | Diverged]:
+        result = trial(rng)
+        tell(next(count) / len(seeds))
+        return result
+
     if workers == 1:
-        results = monte_carlo(trial, seeds)
+        results = monte_carlo(counted, seeds)
     else:
         with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
-            results = monte_carlo(trial, seeds, pool)
+            results = monte_carlo(counted, seeds, pool)
     return {label: [result[label] for result in results] for label in trial.methods}
 
 

@@ -1,130 +1,301 @@
-"""Reading the binary tables of FITS files (event lists, satellite orbits), plain or gzipped.
+"""Reading the binary tables of FITS files (event lists, satellite orbits), plain or packed.
 
-Only what photon files need: scalar columns of numbers and logicals, with TSCAL and TZERO. Source: FITS Standard 4.0,
-section 7.3.
+Only what photon files need: columns of numbers and logicals, scalar or short vectors, with TSCAL, TZERO and TNULL. No
+size that a header names is trusted. Source: FITS Standard 4.0, sections 3, 4 and 7.3.
 """
 
 from __future__ import annotations
 
-import gzip
+import math
 import os
 import re
-import zlib
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-_BLOCK = 2880
-_TYPES = {
-    "L": ("i1", 1),
-    "B": ("u1", 1),
-    "I": (">i2", 2),
-    "J": (">i4", 4),
-    "K": (">i8", 8),
-    "E": (">f4", 4),
-    "D": (">f8", 8),
-}
-_BYTES = {"X": 1, "A": 1, "C": 8, "M": 16, "P": 8, "Q": 16}  # kinds that are skipped
+from geokalman import reading
+from geokalman.reading import InputError
+
+_BLOCK, _CARD = 2880, 80
+_MAX_CARDS = 200_000
+"""Cards of the longest header that is read."""
+_TYPES = {"L": "u1", "B": "u1", "I": ">i2", "J": ">i4", "K": ">i8", "E": ">f4", "D": ">f8"}
+_SKIPPED = {
+    "A": (1, "text"), "X": (0, "bits"), "C": (8, "complex numbers"), "M": (16, "complex numbers"),
+    "P": (8, "arrays of various length"), "Q": (16, "arrays of various length"),
+}  # fmt: skip
+_UNSIGNED = {"I": 2**15, "J": 2**31, "K": 2**63}
 _FORM = re.compile(r"(\d*)([A-Z])")
+_QUOTED = re.compile(r"'((?:[^']|'')*)'?")
 
 
-class FitsError(ValueError):
-    """A file that is no FITS file with binary tables; the message names file and place."""
+class FitsError(InputError):
+    """A FITS file that cannot be used as it is; the message names file, table and keyword, column or row."""
+
+
+class FitsWarning(UserWarning):
+    """A FITS file that was put right or is taken at its word."""
+
+
+class Header(dict[str, Any]):
+    """Values by keyword, in capitals: text, whole numbers, floats, logicals; None where a value is undefined.
+
+    where : file and table, for messages; doubled : keywords that stand there again with another value.
+    """
+
+    def __init__(self, where: str) -> None:
+        super().__init__()
+        self.where = where
+        self.doubled: set[str] = set()
+
+    def error(self, text: str) -> FitsError:
+        """The error to raise, beginning with file and table."""
+        return FitsError(f"{self.where}: {text}")
+
+    def warn(self, text: str) -> None:
+        """Warn, beginning with file and table."""
+        warnings.warn(f"{self.where}: {text}", FitsWarning, stacklevel=2)
+
+    def value(self, key: str) -> Any:
+        """Value of a keyword, None where it is absent or undefined; FitsError where the header contradicts itself."""
+        if key in self.doubled:
+            raise self.error(f"{key} stands there twice with different values; keep the right one.")
+        return self.get(key)
+
+    def text(self, key: str) -> str:
+        """Value of a keyword as text in capitals, empty where it is absent."""
+        value = self.value(key)
+        return "" if value is None else str(value).strip().upper()
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """Value of a keyword as a finite float, also where it is written as text; no default: it must be there."""
+        value = self.value(key)
+        if value is None and default is not None:
+            return default
+        if value is None:
+            raise self.error(f"the header lacks {key}.")
+        try:
+            return reading.number(str(value))
+        except ValueError as error:
+            raise self.error(f"{key} = {error}") from None
+
+    def integer(self, key: str, low: int, high: int, default: int | None = None) -> int:
+        """Value of a keyword as a whole number from low to high; no default: it must be there."""
+        self.number(key, default)
+        try:
+            value = reading.integer(str(self.get(key) if self.get(key) is not None else default))
+        except ValueError as error:
+            raise self.error(f"{key} = {error}") from None
+        if not low <= value <= high:
+            raise self.error(f"{key} = {value}; a number from {low} to {high} is needed.")
+        return value
+
+
+class _Field(NamedTuple):
+    """A column: its number from 1, first byte in a row, elements, and kind (or a word for what cannot be read)."""
+
+    number: int
+    offset: int
+    count: int
+    kind: str
+
+
+class Columns(Mapping[str, np.ndarray]):
+    """Columns of a binary table by name, in any case: (rows,), or (rows, n) for vectors; unpacked when asked for.
+
+    Raises KeyError for a name that is not there, and FitsError for a column that holds no numbers.
+    """
+
+    def __init__(self, header: Header, page: np.ndarray, fields: list[_Field]) -> None:
+        self._header, self._page = header, page
+        self._fields: dict[str, list[_Field]] = {}
+        self._names = {}
+        for field in fields:
+            name = str(header.get(f"TTYPE{field.number}") or field.number).strip()
+            self._names.setdefault(name.upper(), name)
+            self._fields.setdefault(name.upper(), []).append(field)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names.values())
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __contains__(self, name: object) -> bool:
+        return str(name).upper() in self._fields
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._unpacked(name, self.field(name))
+
+    def field(self, name: str) -> _Field:
+        """Where a column stands."""
+        field, *others = self._fields[name.upper()]
+        if others:
+            raise self._header.error(f"the columns {field.number} and {others[0].number} are both called {name}.")
+        return field
+
+    def _unpacked(self, name: str, field: _Field) -> np.ndarray:
+        header, (k, offset, count, kind) = self._header, field
+        if kind not in _TYPES or count == 0:
+            what = (_SKIPPED[kind][1] if kind in _SKIPPED else kind) if count else "nothing"
+            raise header.error(f"column {name} holds {what}; numbers of a binary table are needed.")
+        size = np.dtype(_TYPES[kind]).itemsize * count
+        raw = np.ascontiguousarray(self._page[:, offset : offset + size]).view(_TYPES[kind])
+        values = raw.astype(raw.dtype.newbyteorder("="))
+        if kind == "L":
+            values = np.select([values == ord("T"), values == ord("F")], [1.0, 0.0], np.nan)
+        else:
+            values = self._scaled(values, k, kind)
+        return values[:, 0] if count == 1 else values
+
+    def _scaled(self, values: np.ndarray, k: int, kind: str) -> np.ndarray:
+        header = self._header
+        scale, zero = header.number(f"TSCAL{k}", 1.0), header.number(f"TZERO{k}", 0.0)
+        null = None
+        if values.dtype.kind in "iu" and header.value(f"TNULL{k}") is not None:
+            null = values == header.integer(f"TNULL{k}", -(2**63), 2**63 - 1)
+        if scale == 1.0 and zero == _UNSIGNED.get(kind):  # exact, where floats would lose digits
+            unsigned = np.dtype(f"u{values.itemsize}")
+            values = values.view(unsigned) ^ unsigned.type(_UNSIGNED[kind])
+        elif (scale, zero) != (1.0, 0.0):
+            values = values.astype(float) * scale + zero
+        return values if null is None or not null.any() else np.where(null, np.nan, values)
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One binary table: its extension name, its header, and its scalar columns in native floats or integers."""
+    """One table: its extension name, its header, the header of the file, and its columns in native numbers."""
 
     name: str
-    header: dict[str, Any]
-    columns: dict[str, np.ndarray]
+    header: Header
+    columns: Columns
+    primary: Header
+
+    def column(self, name: str) -> np.ndarray:
+        """The numbers of a column; FitsError where there is none."""
+        if name not in self.columns:
+            there = ", ".join(self.columns) or "none"
+            raise self.header.error(f"there is no column {name}; the columns are {there}.")
+        return self.columns[name]
+
+    def finite(self, name: str) -> np.ndarray:
+        """The numbers of a column; FitsError, naming the first row from 1, where one is null or not finite."""
+        values = self.column(name)
+        bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), math.prod(values.shape[1:]))).all(axis=1))
+        if bad.size:
+            others = f", as are {bad.size - 1} other rows" if bad.size > 1 else ""
+            raise self.header.error(f"column {name} is null or not finite in row {bad[0] + 1}{others}; leave it out.")
+        return values
+
+    def unit(self, name: str) -> str:
+        """TUNIT of a column, empty where it has none."""
+        return str(self.header.value(f"TUNIT{self.columns.field(name).number}") or "").strip()
 
 
 def read_fits(path: str | os.PathLike) -> list[Table]:
-    """The binary tables of a FITS file. Raises FileNotFoundError and FitsError."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"No FITS file at {path}; give the path of an event list or an orbit file.")
-    content = path.read_bytes()
-    if content[:2] == b"\x1f\x8b":
-        try:
-            content = gzip.decompress(content)
-        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-            raise FitsError(f"{path}: the gzip stream is damaged or truncated ({error}).") from None
-    return parse_fits(content, str(path))
+    """The tables of a FITS file. Raises FileNotFoundError, FitsError, and what `reading.open_bytes` does."""
+    return parse_fits(reading.read_bytes(path, "FITS file", FitsError), str(path))
 
 
 def parse_fits(content: bytes, name: str) -> list[Table]:
-    """The binary tables in the bytes of a FITS file called `name`. Raises FitsError."""
+    """The tables in the bytes of a FITS file called `name`. Raises FitsError.
+
+    Tables whose columns cannot be read (ASCII, tile-compressed) are listed too, and refused when a column is asked for.
+    """
     if content[:9] != b"SIMPLE  =":
         raise FitsError(f"{name} does not begin with SIMPLE; it is no FITS file.")
-    tables, place = [], 0
-    while place < len(content) and content[place : place + 8].strip():
-        header, place = _header(content, place, name)
-        size = abs(header.get("BITPIX", 8)) // 8 if header.get("NAXIS", 0) else 0
-        for k in range(1, header.get("NAXIS", 0) + 1):
-            size *= header[f"NAXIS{k}"]
-        size += header.get("PCOUNT", 0)
-        if place + size > len(content):
-            raise FitsError(f"{name} is truncated: a table ends {place + size - len(content)} bytes beyond the file.")
-        if header.get("XTENSION") == "BINTABLE":
-            tables.append(Table(header.get("EXTNAME", ""), header, _columns(content, place, header, name)))
-        place += -(-size // _BLOCK) * _BLOCK
+    primary, place = _header(content, 0, name)
+    place = _end(content, place, primary)
+    tables: list[Table] = []
+    number = 0
+    while content[place : place + 8] == b"XTENSION":
+        number += 1
+        header, start = _header(content, place, f"{name}, extension {number}")
+        place = _end(content, start, header)
+        if header.text("XTENSION") in ("BINTABLE", "A3DTABLE", "TABLE"):
+            columns = Columns(header, *_fields(content, start, header))
+            tables.append(Table(str(header.get("EXTNAME") or "").strip(), header, columns, primary))
+    if rest := content[place:].strip(b"\0 \r\n\x1a"):
+        warnings.warn(
+            f"{name}: the {len(rest)} bytes after the last table begin with no XTENSION; they are left out.",
+            FitsWarning,
+            stacklevel=3,
+        )
     return tables
 
 
-def _header(content: bytes, place: int, name: str) -> tuple[dict[str, Any], int]:
-    header: dict[str, Any] = {}
-    while True:
-        card = content[place : place + 80].decode("ascii", "replace")
-        if len(card) < 80:
-            raise FitsError(f"{name} is truncated: a header has no END.")
-        place += 80
+def _header(content: bytes, start: int, where: str) -> tuple[Header, int]:
+    header, last, stop = Header(where), "", min(len(content), start + _MAX_CARDS * _CARD)
+    for place in range(start, stop, _CARD):
+        card = content[place : place + _CARD].decode("ascii", "replace")
+        key = card[:8].strip().upper()
         if card.rstrip() == "END":
-            return header, -(-place // _BLOCK) * _BLOCK
-        if card[8:10] == "= ":
-            header.setdefault(card[:8].strip(), _value(card[10:]))
+            if header.value("EXTNAME"):
+                header.where += f" ({header['EXTNAME']})"
+            return header, place + _CARD + -(place + _CARD) % _BLOCK
+        if key == "CONTINUE" and isinstance(header.get(last), str) and header[last].endswith("&"):
+            header[last] = header[last][:-1] + str(_value(card[8:]) or "")
+        elif card[8:10] == "= ":
+            value, last = _value(card[10:]), key
+            if header.setdefault(key, value) != value:
+                header.doubled.add(key)
+    raise header.error(f"the header has no END in {stop - start} bytes; the file is truncated or damaged.")
 
 
 def _value(text: str) -> Any:
     text = text.strip()
-    if text.startswith("'"):
-        return text[1:].split("'")[0].strip()
+    if quoted := _QUOTED.match(text):
+        return quoted[1].replace("''", "'").rstrip()
     text = text.split("/")[0].strip()
     if text in ("T", "F"):
         return text == "T"
-    try:
+    if re.fullmatch(r"[+-]?\d+", text):
         return int(text)
-    except ValueError:
-        pass
     try:
-        return float(text.replace("D", "E"))
+        return reading.number(text)
     except ValueError:
-        return text
+        return text or None
 
 
-def _columns(content: bytes, place: int, header: dict[str, Any], name: str) -> dict[str, np.ndarray]:
-    width, rows, offset = header["NAXIS1"], header["NAXIS2"], 0
-    page = np.frombuffer(content, np.uint8, width * rows, place).reshape(rows, width)
-    columns = {}
-    for k in range(1, header["TFIELDS"] + 1):
-        form = _FORM.match(str(header[f"TFORM{k}"]))
-        if form is None or form[2] not in {**_TYPES, **_BYTES}:
-            raise FitsError(f"{name}: column {k} has the unknown format {header[f'TFORM{k}']!r}.")
-        count = int(form[1] or 1)
-        if form[2] == "X":
-            offset += -(-count // 8)
-            continue
-        size = _TYPES[form[2]][1] if form[2] in _TYPES else _BYTES[form[2]]
-        if form[2] in _TYPES and count == 1:
-            raw = np.ascontiguousarray(page[:, offset : offset + size]).view(_TYPES[form[2]][0])[:, 0]
-            scale, zero = header.get(f"TSCAL{k}", 1), header.get(f"TZERO{k}", 0)
-            values = raw.astype(raw.dtype.newbyteorder("="))
-            columns[str(header.get(f"TTYPE{k}", k)).strip()] = (
-                values if (scale, zero) == (1, 0) else values * scale + zero
-            )
-        offset += count * size
-    return columns
+def _end(content: bytes, start: int, header: Header) -> int:
+    """Where the data that a header describes end, filled to a whole block; FitsError where the file ends before."""
+    bits = header.integer("BITPIX", -64, 64)
+    if bits not in (8, 16, 32, 64, -32, -64):
+        raise header.error(f"BITPIX = {bits}; 8, 16, 32, 64, -32 or -64 is needed.")
+    axes = [header.integer(f"NAXIS{k}", 0, 2**63) for k in range(1, header.integer("NAXIS", 0, 999) + 1)]
+    if header.value("GROUPS") is True and axes[:1] == [0]:
+        axes = axes[1:]
+    groups, extra = header.integer("GCOUNT", 1, 2**63, 1), header.integer("PCOUNT", 0, 2**63, 0)
+    size = abs(bits) // 8 * groups * (extra + math.prod(axes)) if axes else 0
+    if start + size > len(content):
+        raise header.error(f"the file is truncated: its data end {start + size - len(content)} bytes beyond the file.")
+    return start + size + -size % _BLOCK
+
+
+def _fields(content: bytes, start: int, header: Header) -> tuple[np.ndarray, list[_Field]]:
+    """Bytes of the rows of a table (rows, width), and its columns."""
+    numbers = range(1, header.integer("TFIELDS", 0, 999) + 1)
+    refused = "numbers written as text (XTENSION = TABLE)" if header.text("XTENSION") == "TABLE" else ""
+    if header.value("ZTABLE") is True:
+        refused = "compressed tiles (ZTABLE = T; unpack the file with funpack)"
+    if refused:
+        return np.empty((0, 0), np.uint8), [_Field(k, 0, 1, refused) for k in numbers]
+    if (header["BITPIX"], header["NAXIS"]) != (8, 2):
+        raise header.error("a binary table has BITPIX = 8 and NAXIS = 2.")
+    width, rows, offset, fields = header.integer("NAXIS1", 0, 2**63), header.integer("NAXIS2", 0, 2**63), 0, []
+    for k in numbers:
+        form = _FORM.match(header.text(f"TFORM{k}"))
+        if form is None or form[2] not in {**_TYPES, **_SKIPPED}:
+            raise header.error(f"TFORM{k} = {header.get(f'TFORM{k}')!r} is missing or an unknown format.")
+        count, kind = int(form[1] or 1), form[2]
+        fields.append(_Field(k, offset, count, kind))
+        size = np.dtype(_TYPES[kind]).itemsize if kind in _TYPES else _SKIPPED[kind][0]
+        offset += -(-count // 8) if kind == "X" else count * size
+    if offset != width:
+        raise header.error(f"NAXIS1 = {width} bytes, but the columns of TFORM1 to TFORM{len(fields)} take {offset}.")
+    if width * rows == 0:
+        return np.empty((rows if width else 0, width), np.uint8), fields
+    return np.frombuffer(content, np.uint8, width * rows, start).reshape(rows, width), fields

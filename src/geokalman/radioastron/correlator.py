@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import fft
 
+from geokalman import memory
 from geokalman.radioastron.model import BANDS, Array
 
 SNR0 = 60.0
@@ -29,7 +30,7 @@ class Setup:
 
     band "L" or "C", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT in
     both directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an
-    unknown band, sizes that are not positive, T_AP > T; warns where n_channels is no power of two (allowed, slower).
+    unknown band, sizes that are not positive, T_AP > T; TooLarge for more cells than memory holds; warns where n_channels is no power of two (allowed, slower).
     """
 
     band: str = "L"
@@ -48,6 +49,11 @@ class Setup:
                 raise ValueError(f"{name} = {value:g} must be positive")
         if self.period > self.duration:
             raise ValueError(f"the accumulation period {self.period:g} s is longer than the scan, {self.duration:g} s")
+        memory.require(
+            f"A scan of {self.duration:g} s in periods of {self.period:g} s and {self.n_channels} channels, padded "
+            f"{self.padding} times,", (64.0 + 32.0 * self.padding) * self.cells,
+            "take longer periods, fewer channels or less padding",
+        )  # fmt: skip
         if self.n_channels & (self.n_channels - 1):
             warnings.warn(f"n_channels = {self.n_channels} is no power of two; the transform is slower", stacklevel=3)
 
@@ -64,7 +70,7 @@ class Setup:
     @property
     def cells(self) -> int:
         """Number of cells of a scan."""
-        return len(self.times) * self.n_channels
+        return round(self.duration / self.period) * self.n_channels
 
     @property
     def window(self) -> float:
@@ -130,6 +136,7 @@ def plane(setup: Setup, cells: Array) -> Plane:
     """Fringe-rate and delay plane of a scan's cells, padded with zeros and ordered about zero."""
     shape = [setup.padding * n for n in cells.shape]
     # phase grows with +f tau and +t rate: the forward transform puts a delay tau at +tau
+    memory.require("The plane of such a scan", 40.0 * setup.padding**2 * setup.cells, "take less padding or fewer channels")
     spectrum = np.abs(np.fft.fftshift(np.fft.fft2(cells, shape))) / math.sqrt(cells.size)
     rates = np.fft.fftshift(np.fft.fftfreq(shape[0], setup.period))
     delays = np.fft.fftshift(np.fft.fftfreq(shape[1], setup.bandwidth / setup.n_channels))

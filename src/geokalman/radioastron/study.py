@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geokalman import progress
 from geokalman.constants import C_LIGHT
 from geokalman.kalman.consistency import monte_carlo, nees
 from geokalman.radioastron import assess, estimate
@@ -120,7 +121,7 @@ def one_run(case: Case, rng: np.random.Generator) -> dict[str, assess.Errors]:
 
 def repeat(case: Case, seeds: Iterable[int], executor: Executor | None = None) -> dict[str, Runs]:
     """All runs of a case, run i from default_rng(seed i): results by estimator."""
-    results = monte_carlo(partial(one_run, case), seeds, executor)
+    results = monte_carlo(partial(one_run, case), progress.track(seeds, "runs"), executor)
     session = case.session
     times = np.unique(np.append(session.scan_middles(), session.middle))
     middle = int(np.searchsorted(times, session.middle))
@@ -163,7 +164,9 @@ def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
     """
     return np.array([
         scan_snr(setup, *residual, np.random.default_rng(seed0 + k))
-        for k, residual in enumerate(zip(runs.delay, runs.rate, runs.acceleration, strict=True))
+        for k, residual in enumerate(progress.track(
+            zip(runs.delay, runs.rate, runs.acceleration, strict=True), "scans", len(runs.delay)
+        ))
     ])  # fmt: skip
 
 
@@ -259,7 +262,7 @@ def correction_history(
     names = find_stations(stations, session)
     if times[0] < session.passes[-1][1]:
         raise ValueError(f"time {times[0]:g} s is before the end of tracking, {session.passes[-1][1]:g} s")
-    for seed in range(seed0, seed0 + n_seeds):
+    for seed in progress.track(range(seed0, seed0 + n_seeds), "runs"):
         _, data = draw(session, dynamics, levels, names, np.random.default_rng(seed))
         tracks = []
         for orbit in (estimate.prior_orbit(data), run_estimator(how, data, dynamics)):
@@ -288,7 +291,7 @@ def prior_scale(
     dynamics, direction = world(session), toward(session, source)
     names = find_stations(stations, session)
     delay, rate = np.empty(n_seeds), np.empty(n_seeds)
-    for k in range(n_seeds):
+    for k in progress.track(range(n_seeds), "runs"):
         truth, data = draw(session, dynamics, levels, names, np.random.default_rng(seed0 + k))
         data = replace(data, prior_cov=scale**2 * data.prior_cov)
         orbit = estimate.extended(data, dynamics, weights).orbit

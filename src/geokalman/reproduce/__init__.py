@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from geokalman.reproduce.errors import Misuse
+
 if TYPE_CHECKING:
     from geokalman.reproduce.record import Notebook
 
-__all__ = ["Notebook"]
+__all__ = ["Misuse", "Notebook"]
 
 
 def __getattr__(name: str) -> Any:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from geokalman.reproduce import claims, display, notebooks
+from geokalman.reproduce import claims, display, notebooks, reference
 from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
@@ -85,6 +85,25 @@ def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
             told[shown[0]] += f"<br><small>{why}</small>"
         lines.append(f"| {' | '.join(told[name] for name in shown)} |")
     return "\n".join(lines)
+
+
+def near_claims(root: Path) -> str:
+    """Table of the claims whose number lies near a threshold, the nearest first."""
+    rows = []
+    found = [j for paper in claims.papers(root) for j in claims.judge_paper(root, paper) if j.is_near]
+    for judged in sorted(found, key=lambda j: j.margin):
+        says, _, ours, verdict, why = claims.row(judged)
+        rows.append([says, ours, verdict, f"{100 * judged.margin:.2g} %", why])
+    header = ["The paper says", "Ours", "Verdict", "Distance", "Why"]
+    caption = f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them."
+    return f"```{{table}} {caption}\n:name: claims-near\n\n{claims_table(header, rows)}\n```\n"
+
+
+def guards(root: Path) -> str:
+    """Table of how many stored numbers and arrays are guarded by which kind of tolerance."""
+    counts = reference.kinds(root)
+    lines = [f"| {kind} | {counts[kind]['paper']} | {counts[kind]['quick']} |" for kind in sorted(counts)]
+    return "\n".join(["| guarded by | papers' scale | quick scale |", "| --- | ---: | ---: |", *lines])
 
 
 def _plain(text: str) -> str:
@@ -160,6 +179,8 @@ def _sentence(node: ast.AST) -> str:
 BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
     "verdicts": (verdicts, "PAPER"),
     "verdict-summary": (claims.summary_markdown, ""),
+    "near-claims": (near_claims, ""),
+    "guards": (guards, ""),
     "run-times": (run_times, ""),
     "api": (api, ""),
 }

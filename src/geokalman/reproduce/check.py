@@ -12,11 +12,12 @@ from geokalman.reproduce.errors import Fault
 
 @dataclass
 class Report:
-    """What was held against what, and every problem in one sentence."""
+    """What was held against what, how many claims are near a threshold, and every problem in one sentence."""
 
     numbers: int = 0
     anchors: int = 0
     claims: int = 0
+    near: int = 0
     problems: list[str] = field(default_factory=list)
 
 
@@ -41,6 +42,7 @@ def check(root: Path) -> Report:
     papers = {name.partition("/")[0] for name in names} | set(claims.papers(root))
     for paper in sorted(papers, key=contents.order(root)):
         _check_anchors(root, paper, names, built, report)
+        _check_guards(root, paper, report)
         if paper in claims.papers(root):
             _check_claims(root, paper, report)
     try:
@@ -95,6 +97,19 @@ def _check_anchors(root: Path, paper: str, names: list[str], built: list[str], r
         report.problems.extend(f"{name}, anchor {describe(d)}" for d in found if d.problem)
 
 
+def _check_guards(root: Path, paper: str, report: Report) -> None:
+    """A declared guard without a key is a slip, or left over."""
+    for guard in reference.guards(root, paper):
+        modes = [guard.mode] if guard.mode else ["paper", "quick"]
+        keys = [k for m in modes if reference.path_of(root, guard.notebook, m).is_file()
+                for k in reference.load(root, guard.notebook, m)[0]]  # fmt: skip
+        if not any(guard.covers(guard.notebook, modes[0], key) for key in keys):
+            report.problems.append(
+                f"tests/reference/{paper}/guards.yml guards {guard.key} of {guard.notebook}, which records nothing of "
+                "that name."
+            )
+
+
 def _check_claims(root: Path, paper: str, report: Report) -> None:
     try:
         judgements = claims.judge_paper(root, paper)
@@ -102,6 +117,7 @@ def _check_claims(root: Path, paper: str, report: Report) -> None:
         report.problems.append(str(error))
         return
     report.claims += len(judgements)
+    report.near += sum(j.is_near for j in judgements)
     for j in judgements:
         if not j.as_expected:
             now = j.verdict or "not computed"

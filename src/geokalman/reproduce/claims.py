@@ -23,6 +23,8 @@ _OPERATORS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
+NEAR = 0.02
+"""Distance from its threshold, relative to it, up to which a claim is listed as near."""
 _METRIC = r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.+-]+$"
 MetricName = Annotated[str, Field(pattern=_METRIC)]
 Metrics = Mapping[str, Mapping[str, Any]]
@@ -51,13 +53,19 @@ class Accept(_Strict):
 
     def holds(self, ours: float, printed: float | None) -> bool:
         """Is `ours` within tolerance of `printed`?"""
+        low, high = self.edges(printed)
+        return low <= ours <= high
+
+    def edges(self, printed: float | None) -> tuple[float, float]:
+        """Smallest and largest number accepted."""
         if self.range is not None:
-            return self.range[0] <= ours <= self.range[1]
+            return self.range
         assert printed is not None
         if self.factor is not None:
-            return ours * printed > 0 and 1 / self.factor <= ours / printed <= self.factor
+            low, high = sorted((printed / self.factor, printed * self.factor))
+            return low, high
         allowed = self.abs if self.abs is not None else (self.rel or 0.0) * abs(printed)
-        return abs(ours - printed) <= allowed
+        return printed - allowed, printed + allowed
 
     def __str__(self) -> str:
         if self.range is not None:
@@ -76,6 +84,10 @@ class Compare(_Strict):
     op: Literal["<", "<=", ">", ">="]
     right: MetricName | float
     factor: float = 1.0
+
+    def threshold(self, values: Mapping[str, float]) -> float:
+        """The right side, of the recorded `values`."""
+        return self.factor * (values[self.right] if isinstance(self.right, str) else self.right)
 
 
 class Claim(_Strict):
@@ -140,11 +152,17 @@ class Judgement(NamedTuple):
     ours: float | str | None
     verdict: Verdict | None
     why: str
+    margin: float | None = None  # distance of ours from the nearest threshold, relative to it
 
     @property
     def as_expected(self) -> bool:
         """Is the verdict the one that the ledger expects?"""
         return self.verdict == self.claim.verdict
+
+    @property
+    def is_near(self) -> bool:
+        """Does our number lie within `NEAR` of a threshold?"""
+        return self.margin is not None and self.margin <= NEAR
 
 
 def papers(root: Path) -> list[str]:
@@ -218,9 +236,12 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
         ours: float | str = values[claim.metric]
         assert claim.accept is not None
         holds, why = claim.accept.holds(ours, claim.reference), str(claim.accept)
+        edges = set(claim.accept.edges(claim.reference))  # what must be equal is near nothing
+        thresholds = [(ours, edge) for edge in edges if len(edges) > 1]
     else:
         ours, holds = _compare(claim.compare, values, units)
         why = ""
+        thresholds = [(values[c.left], c.threshold(values)) for c in claim.compare]
     if not holds:
         verdict, words = "not-reproduced", claim.reason
     elif claim.calibrated:
@@ -229,7 +250,8 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
         verdict, words = "under-interpretation", claim.assumes
     else:
         verdict, words = "reproduced", None
-    return Judgement(claim, ours, verdict, "; ".join(filter(None, (words, why))))
+    margin = min((abs(number / edge - 1) for number, edge in thresholds if edge), default=None)
+    return Judgement(claim, ours, verdict, "; ".join(filter(None, (words, why))), margin)
 
 
 def _compare(
@@ -239,7 +261,7 @@ def _compare(
     texts, all_hold = [], True
     for c in comparisons:
         left, right = values[c.left], values[c.right] if isinstance(c.right, str) else c.right
-        holds = _OPERATORS[c.op](left, c.factor * right)
+        holds = _OPERATORS[c.op](left, c.threshold(values))
         factor = f"{c.factor:g} × " if c.factor != 1 else ""
         names = _told_apart(c.left, c.right) if isinstance(c.right, str) else (_short(c.left), "")
         op, unit = c.op if holds else f"not {c.op}", display.unit_text(units[c.left])
@@ -352,13 +374,12 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
     """The ledger of a paper with our numbers and verdicts, for scripts; `expected` is the verdict of the file."""
     found = []
-    for claim, ours, verdict, why in judge_paper(root, paper):
+    for claim, ours, verdict, why, margin in judge_paper(root, paper):
         entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
-        found.append({"paper": paper, **entry, "ours": ours, "expected": claim.verdict, "verdict": verdict, "why": why})
+        judged = {"expected": claim.verdict, "verdict": verdict, "why": why, "margin": margin}
+        found.append({"paper": paper, **entry, "ours": ours, **judged})
     return found
 
-
-# README
 
 _BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
 

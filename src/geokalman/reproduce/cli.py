@@ -87,7 +87,9 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run (default: under runs/).")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Start from the quick values.")] = False,
-    threads: Annotated[int | None, typer.Option(min=1, help="Threads of the numerical libraries.")] = None,
+    threads: Annotated[
+        int, typer.Option(min=1, help="Threads of the numerical libraries; the book's numbers are those of one.")
+    ] = 1,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
     from geokalman.reproduce import execute, parameters, runfolder
@@ -109,6 +111,7 @@ def claims(
     paper: Annotated[str | None, typer.Argument(help="A paper (default: all).")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="As JSON, a list of claims.")] = False,
     readme: Annotated[bool, typer.Option("--readme", help="Write the summary into README.md.")] = False,
+    near: Annotated[bool, typer.Option("--near", help="Only claims within 2 % of a threshold.")] = False,
 ) -> None:
     """The ledger: what each paper prints, our number, and the verdict."""
     from geokalman.reproduce import atomic, claims, contents
@@ -122,15 +125,16 @@ def claims(
         return
     width = min(_console().width, _WIDE)
     for name in wanted:
-        judgements = claims.judge_paper(root, name)
+        judgements = [j for j in claims.judge_paper(root, name) if not near or j.is_near]
         print(f"{contents.title(root, name + '/index')}\n")
         for judgement in judgements:
             says, printed, ours, verdict, why = claims.row(judgement)
             if not judgement.as_expected:
                 verdict += f" (expected {judgement.claim.verdict})"
             print(f"{judgement.claim.id}: {verdict}")
+            distance = f"{100 * judgement.margin:.2g} % from its threshold" if judgement.is_near else ""
             numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)
-            for text in filter(None, (says, numbers, why)):
+            for text in filter(None, (says, numbers, distance, why)):
                 print(_indented(text, width))
 
 
@@ -198,8 +202,8 @@ def check() -> None:
     for problem in report.problems:
         sys.stderr.write(f"{problem}\n")
     print(
-        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims: "
-        f"{len(report.problems)} problems"
+        f"{report.numbers} stored numbers, {report.anchors} anchors, {report.claims} claims "
+        f"({report.near} near a threshold): {len(report.problems)} problems"
     )
     if report.problems:
         raise typer.Exit(1)
@@ -211,11 +215,30 @@ def reference(
     notebook: Annotated[list[str] | None, typer.Argument(metavar="[NB]...", help="Notebooks (default: all).")] = None,
     quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
 ) -> None:
-    """Renew the stored references from the book's runs and from quick runs, and show what moved."""
+    """Renew the stored references from the book's runs and from runs in other computing settings; show what moved."""
     from geokalman.reproduce import renewal
 
     moved = renewal.renew(_root(), reason, notebook or None, quick)
     print(f"{moved} numbers moved or are new")
+
+
+@app.command()
+def portable(
+    notebook: Annotated[list[str] | None, typer.Argument(metavar="[NB]...", help="Notebooks (default: all).")] = None,
+    quick: Annotated[bool, typer.Option(help="At the quick scale too.")] = True,
+) -> None:
+    """Compute notebooks in every setting of this machine and widen the stored spreads to what is seen."""
+    from geokalman.reproduce import renewal
+
+    print(f"{renewal.widen(_root(), notebook or None, quick)} numbers beyond their tolerance so far")
+
+
+@app.command()
+def setting(name: Annotated[str, typer.Argument(help="native, avx2 or no-fma.")]) -> None:
+    """Print a computing setting as environment variables: env $(geokalman setting no-fma) make check."""
+    from geokalman.reproduce import settings
+
+    print(" ".join(f"{key}={value}" for key, value in settings.environment(name).items()))
 
 
 @app.command("notebooks")

@@ -18,17 +18,18 @@ from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock
 
-from geokalman.files import sha256
-from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, runfolder
+from geokalman.reproduce import atomic, blocks, children, notebooks, parameters, reports, runfolder, settings, sockets
 from geokalman.reproduce.errors import Fault
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_THREADS = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS",
+)  # fmt: skip
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-Progress = Callable[[int, int], None]
-"""Called with (cell now running, number of code cells)."""
+Progress = Callable[[int, int, Path], None]
+"""Called with (cell now running, number of code cells, file of its reports)."""
 
 
 class ExecutionFailed(Fault):
@@ -41,15 +42,16 @@ class ExecutionFailed(Fault):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int | None = None, progress: Progress | None = None, key: str = "",
-    replace: bool = False,
+    base: Path | None = None, threads: int = 1, setting: str = settings.NATIVE, progress: Progress | None = None,
+    key: str = "", replace: bool = False,
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
 
     given     parameter values; a path among them is relative to `base` (default: the working directory)
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
-    threads   threads of the numerical libraries (default: all processors)
+    threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
+    setting   computing setting, by name
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
     replace   remove whatever stands in `out`: the folder is the book's own
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
@@ -61,27 +63,28 @@ def run(
     values |= specification.check(given or {}, base or Path.cwd())
     out = Path(out).resolve()
     failed = out.with_name(f"{out.name}.failed.ipynb")
+    environment = settings.environment(setting) | {variable: str(threads) for variable in _THREADS}
     with atomic.explained(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        locks = root / ".cache" / "locks"
-        locks.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(locks / f"{hashlib.sha256(str(out).encode()).hexdigest()[:16]}.lock")
-    with lock, children.busy():  # one writer of `out`, so that what another left unfinished there can be cleared
+    sweep_runs(root)
+    # One writer of `out`: what another left unfinished there can be cleared.
+    with atomic.locked(_lock_of(root, out)), children.busy():
         if not replace:
             runfolder.refuse_foreign(out)
-        return _run_alone(source, name, values, root, out, failed, page, threads or os.cpu_count() or 1, progress, key)
+        return _run_alone(source, name, values, root, out, failed, page, environment, progress, key)
 
 
 def _run_alone(
     source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, out: Path, failed: Path, page: bool,
-    threads: int, progress: Progress | None, key: str,
+    environment: Mapping[str, str], progress: Progress | None, key: str,
 ) -> Path:  # fmt: skip
     with atomic.explained(out):
         atomic.sweep(out.parent, out.name)
         work = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
     try:
         record = work / "run"
-        executed = _execute(source, name, values, root, record, work, out, threads, progress)
+        with sockets.folder() as talk:
+            executed = _execute(source, name, values, root, record, work, talk, out, environment, progress)
         error = _first_error(executed)
         notebooks.tidy(executed, name)
         if error is not None:
@@ -102,8 +105,7 @@ def _run_alone(
             from geokalman.reproduce import page as pages
 
             atomic.write_text(record / "page.html", pages.render(executed, root, name))
-        made = sorted(p for p in record.rglob("*") if p.is_file() and p.name != "provenance.json")
-        told |= {"key": key, "files": {p.relative_to(record).as_posix(): sha256(p) for p in made}}
+        told |= {"key": key, "files": atomic.digests(record, "provenance.json")}
         atomic.write_json(record / "provenance.json", told)
         atomic.swap_folder(record, out)
         failed.unlink(missing_ok=True)
@@ -113,6 +115,18 @@ def _run_alone(
     finally:
         shutil.rmtree(work, ignore_errors=True)
     return out
+
+
+def sweep_runs(root: Path) -> None:
+    """Clear what killed runs left in `runs/`; a run that lives holds its lock."""
+    for folder in (root / "runs").glob("*/*"):
+        for name in atomic.unfinished(folder):
+            with contextlib.suppress(OSError), FileLock(_lock_of(root, folder / name), timeout=0):
+                atomic.sweep(folder, name)
+
+
+def _lock_of(root: Path, out: Path) -> Path:
+    return root / ".cache" / "locks" / f"{hashlib.sha256(str(out.resolve()).encode()).hexdigest()[:16]}.lock"
 
 
 def notes(folder: Path) -> list[str]:
@@ -131,8 +145,8 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
 
 
 def _execute(
-    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, out: Path,
-    threads: int, progress: Progress | None,
+    source: NotebookNode, name: str, values: Mapping[str, Any], root: Path, record: Path, work: Path, talk: Path,
+    out: Path, setting: Mapping[str, str], progress: Progress | None,
 ) -> NotebookNode:  # fmt: skip
     import papermill
     from jupyter_client.kernelspec import KernelSpec
@@ -144,11 +158,12 @@ def _execute(
         **os.environ,
         "GEOKALMAN_ROOT": str(root),
         "GEOKALMAN_OUT": str(record),
+        reports.VARIABLE: str(talk / "report"),
         "PYTHONHASHSEED": "0",
         "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
-        **{variable: str(threads) for variable in _THREADS},
+        **setting,
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
     kernel = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
@@ -163,6 +178,12 @@ def _execute(
 
         def _connection_file_default(self) -> str:
             return str(work / "kernel.json")
+
+        def _transport_default(self) -> str:
+            return "ipc"
+
+        def _ip_default(self) -> str:
+            return str(talk / "s")
 
         async def start_kernel(self, **kwargs: Any) -> None:
             # The environment goes in here, since what stands in a specification has its $NAME replaced.
@@ -179,12 +200,12 @@ def _execute(
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if progress and cell.cell_type == "code":
-            progress(index.get(cell.get("id"), 0) + 1, len(index))
+            progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
     client = NotebookClient(
         notebook, kernel_manager_class=Kernel, kernel_name="python3", on_cell_start=started, coalesce_streams=True,
         resources={"metadata": {"path": str((root / "book" / name).parent)}},
-        startup_timeout=120, iopub_timeout=120, raise_on_iopub_timeout=True,
+        startup_timeout=900, iopub_timeout=120, raise_on_iopub_timeout=True,
     )  # fmt: skip
     try:
         with ended, client.setup_kernel():
@@ -195,7 +216,9 @@ def _execute(
             notebook.metadata["language_info"] = told["content"]["language_info"]
         return notebook
     except RuntimeError as error:  # nbclient's DeadKernelError is one
-        raise ExecutionFailed(f"FAILED {name}: the kernel stopped ({error}).", name) from error
+        raise ExecutionFailed(
+            f"FAILED {name}: the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes.", name
+        ) from error
     except OSError as error:
         with atomic.explained(out):
             raise error
@@ -231,7 +254,10 @@ def _first_error(notebook: NotebookNode) -> str | None:
         for output in cell.get("outputs", []):
             if output.output_type != "error":
                 continue
-            text = f"cell [{cell.execution_count}]: {output.ename}: {_ANSI.sub('', output.evalue)}"
+            said = _ANSI.sub("", output.evalue)
+            text = f"cell [{cell.execution_count}]: {output.ename}: {said}"
+            if output.ename in ("MemoryError", "_ArrayMemoryError"):
+                text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
             trace = _ANSI.sub("", "\n".join(output.traceback))
             arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
             lines = cell.source.splitlines()

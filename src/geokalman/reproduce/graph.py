@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import re
 import shutil
@@ -17,8 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-
-from filelock import FileLock, Timeout
 
 from geokalman import files, sources
 from geokalman.reproduce import atomic, children, claims, execute, notebooks
@@ -50,19 +47,13 @@ def build(root: Path, workers: int = WORKERS, html: bool = True) -> Outcome:
     A second build in the same clone waits for the first. A failing notebook leaves the others, its own last good run
     and the last good book; the outcome lists it.
     """
-    with atomic.explained(root / ".cache"):
-        (root / ".cache").mkdir(exist_ok=True)
-        lock = FileLock(root / ".cache" / "build.lock")
     with Display() as display:
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
+
+        def waiting() -> None:
             display.say("Another build runs in this clone; waiting for it.")
-            lock.acquire()
-        try:
+
+        with atomic.locked(root / ".cache" / "build.lock", waiting):
             return _build(root, workers, html, display)
-        finally:
-            lock.release()
 
 
 def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
@@ -71,18 +62,21 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
         raise Fault(
             f"{root / 'book'} has no notebooks; they are MyST files book/<paper>/NN-title.md with a jupytext header."
         )
+    try:
+        files.check_data(root)
+    except OSError as error:
+        raise Fault(str(error)) from None
     _clear(root, names)
     shared = shared_inputs(root)
     keys = {name: key(root, name, shared) for name in names}
     outcome = Outcome(fresh=[name for name in names if is_fresh(run_folder(root, name), keys[name])])
     for name in outcome.fresh:
         _publish_metrics(root, name)
-    threads = max(1, (os.cpu_count() or 1) // workers)
 
     def one(name: str) -> None:
         with display.notebook(name) as progress:
             folder = execute.run(
-                root, name, out=run_folder(root, name), page=False, threads=threads, progress=progress, key=keys[name],
+                root, name, out=run_folder(root, name), page=False, progress=progress, key=keys[name],
                 replace=True,
             )  # fmt: skip
             _publish_metrics(root, name)
@@ -148,13 +142,7 @@ def shared_inputs(root: Path) -> str:
 
 def is_fresh(folder: Path, wanted: str) -> bool:
     """Does `folder` hold a whole, undamaged run made from the inputs with this key?"""
-    try:
-        told = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
-        if told["key"] != wanted:
-            return False
-        return all(files.sha256(folder / name) == digest for name, digest in told["files"].items())
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return False
+    return atomic.intact(folder, "provenance.json", wanted)
 
 
 def _publish_metrics(root: Path, name: str) -> None:
@@ -166,7 +154,8 @@ def _publish_metrics(root: Path, name: str) -> None:
 
 
 def _clear(root: Path, names: list[str]) -> None:
-    """Remove what a killed build left half done, and the products of notebooks that are no more."""
+    """Remove what killed builds and runs left half done, and the products of notebooks that are no more."""
+    execute.sweep_runs(root)
     made = root / "book" / "_build"
     wanted = {f"{name}{suffix}" for name in names for suffix in ("", ".json", ".failed.ipynb")}
     for kind in ("runs", "metrics"):

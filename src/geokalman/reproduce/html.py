@@ -13,13 +13,13 @@ from pathlib import Path
 
 from geokalman.files import sha256
 from geokalman.reproduce import children
-from geokalman.reproduce.atomic import explained, partial_path, swap_folder
+from geokalman.reproduce.atomic import digests, explained, intact, partial_path, swap_folder, write_json
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.stage import alone
 
 _ENGINE = ("jupyter-book", "sphinx", "sphinx-book-theme", "pydata-sphinx-theme", "myst-nb", "myst-parser", "docutils",
            "sphinxcontrib-bibtex", "sphinx-design", "sphinx-mathjax-offline")  # fmt: skip
-_KEY = ".key"
+_RECORD = ".made.json"
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _SHOWN = 40  # warnings in the message; all of them stand in the log
 
@@ -31,7 +31,8 @@ class BookError(Fault):
 def build(root: Path, strict: bool = True) -> Path:
     """Build `book/_build/html/` from `book/_build/site/`; nit-picky and with warnings as errors if `strict`.
 
-    Nothing is done where the book was made from the same sources by the same versions. Returns the folder of the book.
+    Nothing is done where the book was made from the same sources by the same versions, and no file of it is damaged or
+    gone since. Returns the folder of the book.
     Raises BookError with Sphinx's warnings, or with the end of its log, which stands in `book/_build/html.log`.
     """
     site, html = root / "book" / "_build" / "site", root / "book" / "_build" / "html"
@@ -39,10 +40,10 @@ def build(root: Path, strict: bool = True) -> Path:
         raise BookError(f"{site} holds no staged book; `geokalman build` (or make book) stages it first.")
     with explained(html), alone(html):
         key = content_key(site)
-        if not (html / _KEY).is_file() or (html / _KEY).read_text(encoding="utf-8").strip() != key:
+        if not intact(html, _RECORD, key):
             made = _jupyter_book(site, partial_path(html), strict, html.with_name("html.log"))
             shutil.rmtree(made / "_sources", ignore_errors=True)
-            (made / _KEY).write_text(key + "\n", encoding="utf-8")
+            write_json(made / _RECORD, {"key": key, "files": digests(made, _RECORD)})
             swap_folder(made, html)
     return html
 

@@ -1,10 +1,11 @@
-"""Heavy intermediate results kept on disk, keyed by the arguments and by all the code that computes them.
+"""Heavy intermediate results kept on disk, keyed by arguments, computing setting and all the code that computes them.
 
 Why not joblib.Memory, whose hash of arguments we keep: it keys a result on the source of the decorated function alone,
 so an edited callee gives a stale result; it has no checksum, so a flipped bit in a stored array is returned as a
-result; and two processes that ask at once both compute. Here the key adds `sources.code_hash` of the function's module,
-the entry carries a SHA-256 digest, and a file lock makes the second one wait. Processor time measured for 200 MB: 0.6 s
-to store, 0.24 s to fetch, and 0.5 s to hash where an argument is that large.
+result; and two processes that ask at once both compute. Here the key adds `sources.code_hash` of the function's module
+and the computing setting (another number of threads sums in another order), the entry carries a SHA-256 digest, and a
+file lock makes the second one wait. Processor time measured for 200 MB: 0.6 s to store, 0.24 s to fetch, and 0.5 s to
+hash where an argument is that large.
 
 The entries are pickles, which run code when they are read: they have the trust of the sources. The digest guards
 against damage, not against a stranger, who can compute it as well; never use a memo folder that is not your own.
@@ -26,7 +27,8 @@ import joblib
 from filelock import FileLock
 
 from geokalman import files, sources
-from geokalman.reproduce import atomic
+from geokalman.compilation import Hashing
+from geokalman.reproduce import atomic, settings
 from geokalman.reproduce.errors import Fault
 
 T = TypeVar("T")
@@ -69,8 +71,8 @@ class Memo:
                 )
                 return function(*args, **kwargs)
             named = {k: _stable(v) for k, v in sorted(kwargs.items()) if k not in set(ignore)}
-            asked = (module, function.__qualname__, sources.code_hash({module}), [_stable(a) for a in args], named)
-            return self._get(joblib.hash(asked), lambda: function(*args, **kwargs))
+            code = (module, function.__qualname__, sources.code_hash({module}), settings.present())
+            return self._get(joblib.hash((*code, [_stable(a) for a in args], named)), lambda: function(*args, **kwargs))
 
         return kept
 
@@ -137,20 +139,8 @@ def _stable(value: Any) -> Any:
     return value
 
 
-class _Hashing:
-    """Stream that digests what passes to the one below."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self.stream = stream
-        self.digest = hashlib.sha256()
-
-    def write(self, data: Any) -> int:
-        self.digest.update(data)
-        return self.stream.write(data)
-
-
 def _write(stream: BinaryIO, result: Any) -> None:
-    hashing = _Hashing(stream)
+    hashing = Hashing(stream)
     hashing.write(_MAGIC)
     pickle.dump(result, hashing, protocol=5)  # type: ignore[arg-type]
     stream.write(hashing.digest.digest())

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from geokalman import files
+from geokalman.reproduce import settings
 
 _PACKAGES = ("geokalman", "numpy", "scipy", "numba", "matplotlib")
 
 
 def describe(root: Path) -> dict[str, Any]:
-    """Versions, git commit with a flag for uncommitted changes, SHA-256 of the vendored data, processor."""
+    """Versions, git commit with a flag for uncommitted changes, SHA-256 of the vendored data, processor and what of it
+    is used (BLAS kernel and threads, numba's target)."""
     versions = {"python": platform.python_version()}
     for package in _PACKAGES:
         try:
@@ -27,6 +29,7 @@ def describe(root: Path) -> dict[str, Any]:
         "uncommitted_changes": bool(_git(root, "status", "--porcelain", "--untracked-files=no")),
         "data": {name: entry.get("sha256") for name, entry in sorted(files.registry(root).items())},
         "processor": processor(),
+        "setting": settings.present(),
     }
 
 

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geokalman import files
-from geokalman.reproduce import atomic, display, parameters, provenance, runfolder
+from geokalman import files, progress
+from geokalman.reproduce import atomic, display, parameters, provenance, reports, runfolder
 from geokalman.reproduce.errors import Fault
 from geokalman.reproduce.memo import Memo
 
@@ -94,6 +94,8 @@ class Notebook:
         self._staging = self.out.with_name(f".{self.out.name}.partial-{os.getpid()}")
         shutil.rmtree(self._staging, ignore_errors=True)  # of an earlier execution in this Jupyter kernel
         atexit.register(shutil.rmtree, self._staging, ignore_errors=True)
+        self._reporter = reports.Reporter()
+        progress.listen(self._reporter)
         self._notes: list[str] = []
         self._memo = Memo(self._root / ".cache" / "memo", note=self._notes.append)
         self._metrics: dict[str, dict[str, Any]] = {}
@@ -101,6 +103,18 @@ class Notebook:
         self._units: dict[str, str] = {}
         self._shown: dict[str, dict[str, Any]] = {}
         self._finished = False
+
+    def expect(self, seconds: float) -> None:
+        """Say beforehand that the notebook may take so long, where that is more than a minute."""
+        if seconds > 60.0:
+            words = f"may take {reports.duration(seconds)}, less where results of earlier runs are kept"
+            self._reporter.expect(words)
+            if self._interactive:
+                print(f"This {words}.")
+
+    def track(self, items: Iterable[T], what: str) -> Iterator[T]:
+        """The items one by one, while the display shows the share of the loop that is done."""
+        return progress.track(list(items), what)
 
     def memo(self, function: Callable[..., T], ignore: Iterable[str] = ()) -> Callable[..., T]:
         """The function with its results kept on disk, keyed by arguments and code; see `memo.Memo`."""

@@ -14,10 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import nbformat
-from filelock import FileLock
 
 from geokalman.reproduce import children, contents, notebooks, pagefoot
-from geokalman.reproduce.atomic import explained, partial_path, swap_folder, sweep
+from geokalman.reproduce.atomic import explained, locked, partial_path, swap_folder, sweep
 from geokalman.reproduce.blocks import claims_table, fill
 from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman.reproduce.errors import Fault
@@ -65,8 +64,7 @@ def stage(root: Path) -> Path:
 @contextmanager
 def alone(target: Path) -> Iterator[None]:
     """Make a folder of `book/_build` while no other process does; what a killed one left there is cleared first."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(target.parent / ".book.lock"), children.busy():
+    with locked(target.parent / ".book.lock"), children.busy():
         sweep(target.parent)
         try:
             yield

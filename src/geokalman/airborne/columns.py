@@ -1,0 +1,168 @@
+"""Columns of a survey file: their names and units, the words that mark a missing value, and words as numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from geokalman.airborne.model import Array
+from geokalman.reading import InputError, Place, number
+
+NULLS = frozenset(
+    "* ? - -- . na n/a #n/a nan -nan none null nil nodata dummy empty missing inf +inf -inf infinity -infinity "
+    "1.#inf -1.#inf 1.#qnan -1.#ind #value! #div/0!".split()
+) | {""}
+"""Words, in lower case, that mark a missing value in any column; so does a field of asterisks alone."""
+DUMMIES = (-999999.99, -9999999.9)
+"""Numbers that mark a missing value in any column; so does whatever is beyond HUGE (Geosoft -1e32, netCDF 9.97e36)."""
+HUGE = 1e20
+_LABEL = re.compile(r"[a-z]*[ _#]*(\d+(?:\.\d+)?)(?::\d+)?(?:\s.*)?", re.I)
+_RULER = re.compile(r"[-=_~*+.|]+")
+_UNIT = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]")
+
+
+class Table(dict[str, Array]):
+    """Columns of a survey by name, each (n,) with NaN for a null, and what else their file says of them.
+
+    path : the file, None for a table made otherwise; rows : (n,) row of the file on which each row stands, or None;
+    units : column -> its unit as the file writes it; texts : column -> its words, where not all are numbers (its array
+    is NaN); starts : rows at which a line header stands, so that a line flown twice in a row stays two.
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, Array] | Iterable[tuple[str, Array]] = (),
+        path: Path | str | None = None,
+        rows: Sequence[int] | None = None,
+    ) -> None:
+        super().__init__(columns)
+        self.path = path
+        self.rows = None if rows is None else np.array(rows, dtype=float)
+        self.units: dict[str, str] = {}
+        self.texts: dict[str, list[str]] = {}
+        self.starts: list[int] = []
+
+    def error(self, text: str, row: int | None = None) -> InputError:
+        """The error to raise about a row, or about the whole table."""
+        if row is not None and self.rows is None:
+            text = f"row {row + 1} of the data: {text}"
+        if self.path is None:
+            return InputError(text[0].upper() + text[1:])
+        line = int(self.rows[row]) if row is not None and self.rows is not None else 0
+        return Place(Path(self.path), line).error(text)
+
+    def channel(self, name: str) -> Array:
+        """A column of numbers. Raises InputError where one of its words is none, or two columns have the name."""
+        if name in self.texts:
+            words = self.texts[name]
+            if not words:
+                raise self.error(f"two columns have the name {name} and differ; keep one of them.")
+            row = int(np.argmax([_value(word) is None for word in words]))
+            raise self.error(f"{name} is {words[row][:40]!r}, which is no number{_cure(words[row])}.", row)
+        return self[name]
+
+    def labels(self, name: str) -> Array:
+        """Numbers of the flight lines: a column of numbers, or of labels like L10100 and 10100:0."""
+        words = self.texts.get(name)
+        if not words:
+            return self.channel(name)
+        known = {word: line_number(word) for word in set(words)}
+        values = np.array([known[word] for word in words])
+        if np.isnan(values).any():
+            row = int(np.argmax(np.isnan(values)))
+            raise self.error(f"{name} is {words[row][:40]!r}; {LABELS}.", row)
+        return values
+
+    def add(self, name: str, words: Sequence[str], comma: bool = False) -> None:
+        """Add a column by its words; `comma`: the decimal mark may be a comma. A name that comes again is marked."""
+        values, good = as_numbers(words, comma)
+        if name in self:
+            if good and name not in self.texts and np.array_equal(self[name], values, equal_nan=True):
+                return
+            self.texts[name] = []
+        self[name] = values
+        if not good:
+            self.texts.setdefault(name, [word.strip() for word in words])
+
+    def put(self, name: str, values: Array) -> None:
+        """Add a column of numbers; a name that comes again with other values is marked."""
+        if name in self and not np.array_equal(self[name], values, equal_nan=True):
+            self.texts[name] = []
+        self[name] = values
+
+
+LABELS = "a line is labelled by its number, with letters before it at most"
+
+
+def as_numbers(words: Sequence[str], comma: bool = False) -> tuple[Array, bool]:
+    """Words as numbers (n,), NaN for nulls, and whether all are numbers or nulls; else all are NaN."""
+    try:
+        if "_" in "".join(words):  # float() would take 10100_1 for 101001
+            raise ValueError
+        return blanked(np.fromiter(map(float, words), float, len(words))), True
+    except ValueError:
+        values = np.empty(len(words))
+    for k, word in enumerate(words):
+        value = _value(word.replace(",", ".") if comma else word)
+        if value is None:
+            return np.full(len(words), np.nan), False
+        values[k] = value
+    return blanked(values), True
+
+
+def blanked(values: Array) -> Array:
+    """The same array, NaN in place of what no column can hold."""
+    with np.errstate(invalid="ignore"):
+        values[(np.abs(values) >= HUGE) | np.isin(values, DUMMIES)] = np.nan
+    return values
+
+
+def is_number(word: str) -> bool:
+    """Whether a word is a number and no null."""
+    value = _value(word)
+    return value is not None and value == value
+
+
+def is_value(word: str) -> bool:
+    """Whether a word is a number or a null, so that it may stand in a column of numbers."""
+    return _value(word) is not None
+
+
+def line_number(label: str) -> float:
+    """The number of a flight line by its label (10100, L10100, 10100:0, 7001.16), NaN where it has none."""
+    found = _LABEL.fullmatch(label.strip())
+    return float(found[1]) if found else np.nan
+
+
+def column_name(word: str) -> tuple[str, str]:
+    """Name and unit of a column as a header writes them: 'Height (ft)' is HEIGHT in ft, MGA-X is MGA_X."""
+    word = word.strip().strip("\"'/").strip()
+    split = _UNIT.fullmatch(word)
+    name, unit = (split[1], split[2]) if split and split[1] else (word, "")
+    return re.sub(r"[\s-]+", "_", name.strip().upper()), unit.strip()
+
+
+def is_ruler(words: Sequence[str]) -> bool:
+    """Whether words only rule off a header: === ----- ===."""
+    return all(_RULER.fullmatch(word.strip()) for word in words)
+
+
+def _value(word: str) -> float | None:
+    plain = word.strip()
+    if plain.lower() in NULLS or not plain.strip("*"):
+        return np.nan
+    try:
+        return number(plain)
+    except ValueError:
+        return None
+
+
+def _cure(word: str) -> str:
+    if re.fullmatch(r"\d+:\d+(:\d+(\.\d*)?)?|\d{4}-\d\d-\d\d.*", word):
+        return "; write times as seconds"
+    if re.fullmatch(r"[+-]?\d+,\d+", word):
+        return "; the decimal mark is a point where commas separate the columns"
+    return ""

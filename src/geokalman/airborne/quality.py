@@ -1,0 +1,134 @@
+"""Whether the channels of a flight line agree: accelerations, heights, corrections and references."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from geokalman.airborne import corrections
+from geokalman.airborne.checks import ROWS, at
+from geokalman.airborne.columns import Table
+from geokalman.airborne.layout import Layout
+from geokalman.airborne.model import Array
+from geokalman.reading import InputError
+
+ALLOWED = {"latitude": (1.0, 5.0), "eotvos": (20.0, 60.0), "free_air": (0.62, 10.0)}
+"""How far a correction may be from ours [mGal]: in the middle of its values, and at any epoch."""
+WINDOW = 100.0
+"""Seconds over which apparent gravity is averaged before references are held against it."""
+
+
+def agree(name: str, c: Table, references: Table, layout: Layout) -> None:
+    """Raw column, kinematic acceleration, corrections and references agree with each other. Raises InputError."""
+    if "raw" in c and "a_up" in c:
+        _raw(name, c, references)
+    _corrections(name, c, references, layout)
+    if "a_up" in c:
+        _motion(name, c)
+        _references(name, c, references, layout)
+
+
+def height_correlation(f3: Array, height: Array) -> float:
+    """Correlation of the vertical specific force with the second difference of the height: near 1 unless aliased."""
+    return float(np.corrcoef(np.diff(height, 2), f3[1:-1])[0, 1])
+
+
+def _raw(name: str, c: Table, references: Table) -> None:
+    gap = np.abs(c["raw"] - (c["f3"] - c["a_up"]))
+    rounding = max(2.01 * max(_decimal(c[key]) for key in ("raw", "f3", "a_up")), 0.0201)
+    if gap.max() <= rounding:
+        return
+    k = int(np.argmax(gap))
+    hint = ""
+    if np.abs(c["raw"] - (c["f3"] + c["a_up"])).max() <= rounding:
+        hint = "; it is f3 + a_up, so the sign of a_up is the other one"
+    raise InputError(
+        f"Line {name}: raw gravity differs from f3 - a_up by {gap[k]:.2f} mGal at {c['t'][k]:.2f} s"
+        f"{at(references, k)} ({rounding:.2g} is rounding){hint}."
+    )
+
+
+def _decimal(x: Array) -> float:
+    """The unit [mGal] in which values are written, at most 1 and at least 0.01."""
+    return next((unit for unit in (1.0, 0.1) if np.allclose(x / unit, np.round(x / unit), rtol=0, atol=1e-5)), 0.01)
+
+
+def _motion(name: str, c: Table) -> None:
+    """The kinematic acceleration is that of the height, where the rate of the data shows it."""
+    t = c["t"]
+    rise = np.diff(c["height"], 2) / ((t[-1] - t[0]) / (len(t) - 1)) ** 2 * 1e5
+    slope, related = _slope(rise, c["a_up"][1:-1])
+    if related < 0.8 or 0.5 < slope < 2.0:
+        return
+    why = "its sign is the other one" if -2.0 < slope < -0.5 else "check the units of both"
+    raise InputError(f"Line {name}: a_up is {slope:.3g} times the acceleration of the height; {why}.")
+
+
+def _references(name: str, c: Table, references: Table, layout: Layout) -> None:
+    """References vary as the averaged apparent gravity does, where that shows above its noise."""
+    dt = (c["t"][-1] - c["t"][0]) / (len(c["t"]) - 1)
+    window = max(round(WINDOW / dt), 1)
+    if len(c["t"]) < 4 * window:
+        return
+    apparent = c["f3"] - c["a_up"] + sum(sign * c[column] for column, sign in layout.corrections.items())
+    inner = slice(window, -window)
+    for key, values in references.items():
+        if key in ROWS or not np.isfinite(values).all():
+            continue
+        smooth = [uniform_filter1d(uniform_filter1d(x, window), window)[inner] for x in (apparent, values)]
+        slope, related = _slope(*smooth)
+        if related < 0.85 or 0.25 < slope < 4.0:
+            continue
+        why = "its sign is the other one" if -4.0 < slope < -0.25 else "check its unit (mGal)"
+        raise InputError(f"Line {name}: {key} is {slope:.3g} times the gravity that the accelerations give; {why}.")
+
+
+def _slope(x: Array, y: Array) -> tuple[float, float]:
+    """Slope of y on x, and the size of their correlation (0 where one is constant)."""
+    x, y = x - x.mean(), y - y.mean()
+    xx, yy, xy = x @ x, y @ y, x @ y
+    return (xy / xx, abs(xy) / np.sqrt(xx * yy)) if xx > 0 and yy > 0 else (1.0, 0.0)
+
+
+def _corrections(name: str, c: Table, references: Table, layout: Layout) -> None:
+    lat, t = np.radians(c["lat"]), c["t"]
+    v_e, v_n = np.gradient(c["easting"], t), np.gradient(c["northing"], t)
+    ours = {
+        "latitude": -corrections.latitude_correction(lat),
+        "eotvos": corrections.eotvos(lat, c["height"], v_e, v_n),
+        "free_air": corrections.free_air(lat, c["height"]),
+    }
+    for column, kind in layout.kinds.items():
+        given, expected = layout.corrections[column] * c[column], ours[kind]
+        middle, anywhere = ALLOWED[kind]
+        gap = given - expected
+        if abs(np.median(gap)) > middle:
+            raise InputError(
+                f"Line {name}: {column} adds {np.median(given):.2f} mGal in the middle of its values where the "
+                f"positions ask for {np.median(expected):.2f}; {_cause(kind, given, expected, middle)}."
+            )
+        if np.abs(gap).max() > anywhere:
+            k = int(np.argmax(np.abs(gap)))
+            raise InputError(
+                f"Line {name}: {column} adds {given[k]:.2f} mGal{at(references, k)}, "
+                f"where the position asks for {expected[k]:.2f}; one of them is wrong there."
+            )
+
+
+def _cause(kind: str, given: Array, expected: Array, allowed: float) -> str:
+    """Why a correction is another than ours, as far as its values prove it."""
+    if abs(np.median(given + expected)) <= allowed:
+        return "its sign is the other one"
+    scales = {"it is probably in um/s2": 10.0, "it is probably in m/s2": 1e-5, "check its unit": 0.1}
+    if kind == "free_air":
+        scales |= {"the height is probably in feet": 0.3048, "it is probably for a height in feet": 1 / 0.3048}
+    for what, factor in scales.items():
+        if abs(np.median(given - factor * expected)) < 0.02 * factor * abs(np.median(expected)):
+            return f"that is {factor:.4g} times as much; {what}"
+    if kind == "free_air":
+        metres = (given - expected) / 0.3086
+        said = f"it belongs to a height {np.median(metres):+.1f} m from the one given"
+        if abs(np.median(metres)) < 110.0 and np.ptp(metres) < 5.0:  # so far from the ellipsoid, and so smooth, is the geoid
+            return f"{said}; the height must be above the ellipsoid, not above the geoid"
+        return f"{said}, though not everywhere; check its column and that of the height"
+    return "check its column and unit"

@@ -1,0 +1,330 @@
+"""The border of the core: what carries more than numbers is converted with its meaning, or refused, everywhere."""
+
+import datetime
+from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from geokalman.kalman import (
+    Gaussian,
+    Information,
+    Innovation,
+    Sensor,
+    adaptive_update,
+    chi_square_bounds,
+    extended,
+    filter_extended,
+    filter_linear,
+    filter_unscented,
+    gauss_markov,
+    gaussian,
+    integrated_white_noise,
+    linear,
+    nees,
+    nis,
+    robust_update,
+    smooth,
+    smooth_information,
+    smooth_two_filter,
+    unscented,
+    van_loan,
+    whiteness,
+)
+from geokalman.kalman.checks import plain, scalar
+from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
+from geokalman.kalman.robust import gate, redundancy_numbers
+from geokalman.kalman.whitening import whiten_columns
+from geokalman.leastsquares import NormalEquations
+
+MA = np.ma.masked_array
+
+
+class Quantity(np.ndarray):
+    """As astropy has it: an array with a unit."""
+
+    def __new__(cls, values, unit):
+        out = np.asarray(values, dtype=float).view(cls)
+        out.unit = unit
+        return out
+
+    def __array_finalize__(self, other):
+        self.unit = getattr(other, "unit", None)
+
+
+class Measured:
+    """As pint and xarray have it: no array, but the way to one."""
+
+    def __init__(self, values, units):
+        self.values, self.units = np.asarray(values), units
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self.values, dtype=dtype)
+
+
+class Masked:
+    """As astropy's Masked: a mask of its own."""
+
+    def __init__(self, values, mask):
+        self.values, self.mask = np.asarray(values), np.asarray(mask)
+
+    def __array__(self, dtype=None, copy=None):
+        return np.asarray(self.values, dtype=dtype)
+
+
+class Time:
+    """As astropy's Time."""
+
+    jd1, jd2 = 2456658.5, 0.0
+
+
+DAY = datetime.datetime(2013, 5, 7)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (np.array(["2013-05-07", "2013-05-08"], "datetime64[D]"), "holds dates: give seconds as float"),
+        (np.array([1, 2], "timedelta64[s]"), "holds time spans: give seconds as float"),
+        (np.datetime64("2013-05-07"), "dates"),
+        ([DAY, DAY + datetime.timedelta(1)], "dates"),
+        ([datetime.timedelta(1)], "time spans"),
+        (np.array([DAY, DAY]), "dates"),
+        (Time(), "dates"),
+        ([np.datetime64("NaT", "s")], "dates"),
+        (Quantity([1.0, 2.0], "km"), "carries the unit km: give plain numbers"),
+        ([Quantity([1.0], "km"), Quantity([2.0], "km")], "carries the unit km"),
+        (Measured([1.0, 2.0], "metre"), "carries the unit metre"),
+        (np.array([1.0 + 0.0j]), "holds complex numbers"),
+        ([1.0, 2j], "holds complex numbers"),
+        (np.array([True, False]), "holds truth values"),
+        ([1.0, True], "holds truth values"),
+        (["1.0", "2.0"], "holds text"),
+        (np.array([b"1.0"]), "holds text"),
+        (np.array([1.0, "x"], object), "holds text"),
+        (sparse.eye_array(2), "is a sparse matrix"),
+        ({"a": 1.0}, "no numbers but a dict"),
+        ((float(i) for i in range(3)), "no numbers but a generator"),
+        (Decimal("0.1"), "no numbers but a Decimal"),
+        ([[1.0, 2.0], [3.0]], "is ragged"),
+        (2**53 + 1, "whole numbers beyond 2"),
+        (np.array([1368000000000000001]), "whole numbers beyond 2"),
+        ([10**400], "whole numbers beyond 2"),
+        (MA([1.0, 2.0], [False, True]), r"v\[1\] is masked or missing: there must be a number"),
+        ([1.0, None], "v is masked or missing"),
+        ([MA([1.0], [True])], r"v\[0\] is masked or missing"),
+        (Masked([1.0, 2.0], [True, False]), r"v\[0\] is masked"),
+        (np.ma.masked, "v is masked"),
+        (None, "v is masked or missing"),
+    ],
+    ids=lambda v: type(v).__name__ if not isinstance(v, str) else None,
+)
+def test_no_coercion_drops_meaning(value, says):
+    with pytest.raises(ValueError, match=says):
+        plain("v", value)
+
+
+@pytest.mark.parametrize(
+    ("value", "wanted"),
+    [
+        (MA([1.0, 99999.0], [False, True]), [1.0, np.nan]),
+        (MA([1, -(2**63)], [False, True]), [1.0, np.nan]),
+        (MA([[1.0, 2.0]], True), [[np.nan, np.nan]]),
+        ([MA([1.0, 2.0], [True, False]), [3.0, np.ma.masked]], [[np.nan, 2.0], [3.0, np.nan]]),
+        ([1.0, None, 3], [1.0, np.nan, 3.0]),
+        (np.array([1.0, None], object), [1.0, np.nan]),
+        (Masked([1.0, 2.0], [True, False]), [np.nan, 2.0]),
+    ],
+)
+def test_a_mask_is_a_missing_value(value, wanted):
+    np.testing.assert_array_equal(plain("z", value, missing=True), wanted)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1, 2],
+        (1.0, 2.0),
+        np.array([1, 2], np.uint8),
+        np.array([1, 2], np.float32),
+        np.array([1, 2], np.longdouble),
+        np.array([1, 2], ">f8"),
+        np.array([[1.0], [2.0]])[:, 0],
+        [np.float64(1), np.int32(2)],
+        [Fraction(1), Fraction(2)],
+        Quantity([1, 2], ""),
+        Measured([1, 2], "dimensionless"),
+        MA([1.0, 2.0], [False, False]),
+        range(1, 3),
+    ],
+    ids=lambda v: type(v).__name__,
+)
+def test_plain_numbers_pass(value):
+    out = plain("v", value)
+    assert out.dtype == np.float64 and out.tolist() == [1.0, 2.0]
+
+
+def test_a_plain_array_is_not_copied_and_a_scalar_is_one_number():
+    values = np.zeros((3, 2))
+    assert plain("v", values) is values
+    assert scalar("h", np.float32(2)) == 2.0
+    with pytest.raises(ValueError, match=r"h has the shape \(1,\): it must be one number"):
+        scalar("h", [2.0])
+
+
+def test_tables_of_pandas():
+    pandas = pytest.importorskip("pandas")
+    missing = [1.0, pandas.NA]
+    for table in (
+        pandas.Series(missing, dtype="Float64"),
+        pandas.Series([1, None], dtype="Int64"),
+        pandas.Series(missing),
+    ):
+        np.testing.assert_array_equal(plain("z", table, missing=True), [1.0, np.nan])
+    for times in (
+        pandas.date_range("2013-05-07", periods=2),
+        pandas.Series([pandas.Timestamp("2013-05-07", tz="UTC")]),
+    ):
+        with pytest.raises(ValueError, match="holds dates: give seconds as float"):
+            plain("t", times)
+    with pytest.raises(ValueError, match="holds time spans"):
+        plain("t", pandas.to_timedelta([1, 2], "s"))
+    with pytest.raises(ValueError, match="holds truth values"):
+        plain("z", pandas.Series([True, None], dtype="boolean"), missing=True)
+    frame = pandas.DataFrame({"x": [1.0, 2.0], "y": [3, 4]}, index=pandas.date_range("2013-05-07", periods=2))
+    np.testing.assert_array_equal(plain("z", frame), [[1.0, 3.0], [2.0, 4.0]])
+
+
+# Every public function has the border
+
+N = 6
+T = np.arange(float(N))
+Z = np.arange(float(N))[:, None]
+H, R, PHI, Q = np.array([[1.0, 0.0]]), np.eye(1), np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2)
+PRIOR = gaussian(np.zeros(2), [100.0, 100.0])
+Y = Information(np.zeros(2), np.eye(2))
+COURSE = filter_linear(PRIOR, T, Z, H, R, (PHI, Q))
+SENSOR = Sensor(Z, R, lambda x, t: x[:1], lambda x, t: H)
+LINE = Manifold(lambda x, d: x + d, lambda x, y: y - x)
+
+
+def step(x, t0, t1):
+    return PHI @ x
+
+
+def jacobian(x, t0, t1):
+    return PHI
+
+
+def on_manifold(observe=lambda k, x: (Z[k] - x[:1], H, R), cov=PRIOR.cov, propagate=lambda k, x: (PHI @ x, PHI, Q)):
+    return filter_manifold(LINE, np.zeros(2), cov, N, propagate, observe)
+
+
+CALLS = {  # argument -> a good value, and a call with it
+    "gaussian.mean": (np.zeros(2), lambda v: gaussian(v, np.eye(2))),
+    "gaussian.cov": (np.eye(2), lambda v: gaussian(np.zeros(2), v)),
+    "gaussian.variances": (np.ones(2), lambda v: gaussian(np.zeros(2), v)),
+    "linear.predict.Phi": (PHI, lambda v: linear.predict(PRIOR, v, Q)),
+    "linear.predict.Q": (Q, lambda v: linear.predict(PRIOR, PHI, v)),
+    "linear.predict.prior": (np.eye(2), lambda v: linear.predict(Gaussian(np.zeros(2), v), PHI, Q)),
+    "linear.update.H": (H, lambda v: linear.update(PRIOR, Z[0], v, R)),
+    "linear.update.R": (R, lambda v: linear.update(PRIOR, Z[0], H, v)),
+    "filter_linear.t": (T, lambda v: filter_linear(PRIOR, v, Z, H, R, (PHI, Q))),
+    "filter_linear.H": (np.tile(H, (N, 1, 1)), lambda v: filter_linear(PRIOR, T, Z, v, R, (PHI, Q))),
+    "filter_linear.R": (np.tile(R, (N, 1, 1)), lambda v: filter_linear(PRIOR, T, Z, H, v, (PHI, Q))),
+    "filter_linear.Phi": (PHI, lambda v: filter_linear(PRIOR, T, Z, H, R, (v, Q))),
+    "filter_linear.Q(h)": (Q, lambda v: filter_linear(PRIOR, T, Z, H, R, lambda h: (PHI, v))),
+    "extended.update.h": (np.zeros(1), lambda v: extended.update(PRIOR, Z[0], v, H, R)),
+    "extended.predict.f": (np.zeros(2), lambda v: extended.predict(PRIOR, v, PHI, Q)),
+    "filter_extended.f(x)": (np.zeros(2), lambda v: filter_extended(PRIOR, T, lambda *a: v, jacobian, Q, [SENSOR])),
+    "filter_extended.F(x)": (PHI, lambda v: filter_extended(PRIOR, T, step, lambda *a: v, Q, [SENSOR])),
+    "filter_extended.R": (R, lambda v: filter_extended(PRIOR, T, step, jacobian, Q, [SENSOR._replace(R=v)])),
+    "filter_unscented.t": (T, lambda v: filter_unscented(PRIOR, v, step, Q, [SENSOR])),
+    "filter_unscented.h(x)": (
+        np.ones(1),
+        lambda v: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(h=lambda *a: v)]),
+    ),
+    "filter_unscented.Q": (Q, lambda v: filter_unscented(PRIOR, T, step, v, [SENSOR])),
+    "unscented.sigma_points": (np.eye(2), lambda v: unscented.sigma_points(Gaussian(np.zeros(2), v))),
+    "smooth.mean": (COURSE.mean, lambda v: smooth(replace(COURSE, mean=v))),
+    "smooth.cov": (COURSE.predicted_cov, lambda v: smooth(replace(COURSE, predicted_cov=v))),
+    "smooth.transition": (COURSE.transition, lambda v: smooth(replace(COURSE, transition=v))),
+    "smooth_two_filter.H": (H, lambda v: smooth_two_filter(COURSE, Z, v, R)),
+    "smooth_information.H": (H, lambda v: smooth_information(T, Z, v, R, (PHI, Q))),
+    "smooth_information.prior": (np.eye(2), lambda v: smooth_information(T, Z, H, R, (PHI, Q), Y._replace(matrix=v))),
+    "filter_manifold.cov": (PRIOR.cov, lambda v: on_manifold(cov=v)),
+    "filter_manifold.residual": (np.ones(1), lambda v: on_manifold(lambda k, x: (v, H, R))),
+    "filter_manifold.A": (PHI, lambda v: on_manifold(propagate=lambda k, x: (x, v, Q))),
+    "smooth_manifold.local": (
+        np.ones(2),
+        lambda v: smooth_manifold(LINE._replace(local=lambda x, y: v), on_manifold()),
+    ),
+    "adaptive_update.H": (H, lambda v: adaptive_update(PRIOR, Z[0], v, R, lambda *a: 1.0)),
+    "robust_update.R": (R, lambda v: robust_update(PRIOR, Z[0], H, v)),
+    "redundancy_numbers.N": (np.ones((3, 1)), lambda v: redundancy_numbers(v, np.ones(3))),
+    "redundancy_numbers.variance": (np.ones(3), lambda v: redundancy_numbers(np.ones((3, 1)), v)),
+    "whiten_columns.P0": (np.eye(2), lambda v: whiten_columns(v, T, H, R, (PHI, Q), Z)),
+    "whiten_columns.columns": (Z, lambda v: whiten_columns(np.eye(2), T, H, R, (PHI, Q), v)),
+    "nees.error": (np.zeros((N, 2)), lambda v: nees(v, COURSE.cov)),
+    "nees.cov": (COURSE.cov, lambda v: nees(np.zeros((N, 2)), v)),
+    "chi_square_bounds.dof": (np.ones(3), chi_square_bounds),
+    "van_loan.F": (np.eye(2), lambda v: van_loan(v, Q, 1.0)),
+    "van_loan.W": (Q, lambda v: van_loan(np.eye(2), v, 1.0)),
+    "van_loan.h": (np.array(1.0), lambda v: van_loan(np.eye(2), Q, v)),
+    "integrated_white_noise.q": (np.array(1.0), lambda v: integrated_white_noise(2, 1.0, v)),
+    "gauss_markov.tau": (np.array(1.0), lambda v: gauss_markov(1.0, v, 1.0)),
+    "gauss_markov.sigma": (np.array(1.0), lambda v: gauss_markov(1.0, 1.0, v)),
+    "NormalEquations.block": (np.ones((3, 2)), lambda v: NormalEquations(2).add(v, np.ones(3))),
+    "NormalEquations.rhs": (np.ones(3), lambda v: NormalEquations(2).add(np.ones((3, 2)), v)),
+    "NormalEquations.weights": (np.ones(3), lambda v: NormalEquations(2).add(np.ones((3, 2)), np.ones(3), v)),
+    "NormalEquations.prior": (np.ones(2), lambda v: NormalEquations(2).regularise(1.0, v)),
+}
+SPOILED = {
+    "masked": (lambda v: MA(v, np.arange(v.size).reshape(v.shape) == v.size - 1), "is masked or missing"),
+    "unit": (lambda v: Quantity(v, "km"), "carries the unit km"),
+    "complex": (lambda v: v + 0j, "complex"),
+    "dates": (lambda v: v.astype("datetime64[s]"), "dates: give seconds as float"),
+}
+
+
+@pytest.mark.parametrize("spoil", SPOILED)
+@pytest.mark.parametrize("call", CALLS)
+def test_every_argument_has_the_border(call, spoil):
+    good, function = CALLS[call]
+    spoiled, says = SPOILED[spoil]
+    function(good)
+    with pytest.raises(ValueError, match=says):
+        function(spoiled(good))
+
+
+HIDDEN = MA(Z, np.arange(N)[:, None] == 3)
+HIDDEN.data[3] = 99999.0
+SEEN = HIDDEN.filled(np.nan)
+OBSERVED = {
+    "linear.update": lambda z: linear.update(PRIOR, z[3], H, R)[0].mean,
+    "filter_linear": lambda z: filter_linear(PRIOR, T, z, H, R, (PHI, Q)).mean,
+    "filter_extended": lambda z: filter_extended(PRIOR, T, step, jacobian, Q, [SENSOR._replace(z=z)]).mean,
+    "filter_unscented": lambda z: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(z=z)]).mean,
+    "extended.update": lambda z: extended.update(PRIOR, z[3], np.zeros(1), H, R)[0].mean,
+    "unscented.update": lambda z: unscented.update(PRIOR, z[3], lambda x: x[:1], R)[0].mean,
+    "smooth_two_filter": lambda z: smooth_two_filter(COURSE, z, H, R).mean,
+    "smooth_information": lambda z: smooth_information(T, z, H, R, (PHI, Q)).mean,
+    "adaptive_update": lambda z: adaptive_update(PRIOR, z[3], H, R, lambda *a: 0.5)[0].mean,
+    "robust_update": lambda z: robust_update(PRIOR, z[3], H, R)[0].mean,
+    "nis": lambda z: np.array(nis(z)),
+    "whiteness": lambda z: np.array(whiteness(z, 1).autocorrelation),
+    "gate": lambda z: np.array(gate(Innovation(z[:, 0], np.eye(N), z[:, 0]), 0.999999)),
+}
+
+
+@pytest.mark.parametrize("call", OBSERVED)
+def test_a_masked_observation_is_a_missing_one(call):
+    np.testing.assert_array_equal(OBSERVED[call](HIDDEN), OBSERVED[call](SEEN))
+
+
+def test_a_trajectory_that_does_not_fit_is_refused():
+    with pytest.raises(ValueError, match=r"cov of a trajectory has the shape \(6, 3, 3\), with 6 epochs of 2 states"):
+        replace(COURSE, cov=np.zeros((N, 3, 3)))
