@@ -60,7 +60,8 @@ def content_key(site: Path) -> str:
 
 def _jupyter_book(site: Path, work: Path, strict: bool, log: Path) -> Path:
     start = "from jupyter_book.cli.main import main; main()"
-    command = [sys.executable, "-c", start, "build", str(site), "--path-output", str(work), "--all"]
+    # -P: modules in the folder where the user stands, such as an html.py, are not those of the library
+    command = [sys.executable, "-P", "-c", start, "build", str(site), "--path-output", str(work), "--all"]
     if strict:
         command += ["-W", "-n", "--keep-going"]
     environment = {**os.environ, "PYTHONHASHSEED": "0", "NO_COLOR": "1", "PYTHONDONTWRITEBYTECODE": "1"}
