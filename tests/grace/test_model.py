@@ -226,6 +226,11 @@ def test_a_field_that_is_not_there():
         Scenario(field="nowhere.gfc")
 
 
+def test_a_field_of_another_body():
+    with pytest.raises(ValueError, match="GM = 4.28.* is not that of the Earth, .*; it is that of another body"):
+        Scenario(field="GMM2B", n_max=10)
+
+
 # --- tuning ----------------------------------------------------------------------------------------------------------
 
 
