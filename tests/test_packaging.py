@@ -1,8 +1,9 @@
-"""What a stranger meets first: locks, licences, the wheel, the targets of make, and the script that keeps .venv."""
+"""What a stranger meets first: a clone, locks, licences, the wheel and the targets of make."""
 
 from __future__ import annotations
 
-import importlib.util
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -110,6 +111,12 @@ def test_the_package_agrees_with_its_lock_and_its_papers() -> None:
     assert not faults_of_package(ROOT)
 
 
+def test_the_installer_is_pinned_by_hash() -> None:
+    (pinned,) = locked(ROOT, "tools/uv").items()
+    assert pinned[0] == "uv" and len(pinned[1]) == 1
+    assert (ROOT / "tools" / "uv.txt").read_text().count("--hash=sha256:") > 10  # one for each platform
+
+
 def test_make_has_the_targets_that_others_script_against() -> None:
     assert not faults_of_targets(ROOT)
 
@@ -196,6 +203,41 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_make_lists_its_targets_by_what_posix_has(tmp_path: Path) -> None:
+    for name in ("grep", "sed", "expand", "column"):  # options of theirs that only GNU has
+        (tmp_path / name).write_text("#!/bin/sh\nexit 1\n")
+        (tmp_path / name).chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(["make", "-s"], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    wanted = re.findall(r"^([a-z]+):.*## (.*)", (ROOT / "Makefile").read_text(), re.M)
+    assert [tuple(line.split(maxsplit=1)) for line in done.stdout.splitlines()] == wanted
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
+def test_make_gives_every_numerical_library_one_thread(tmp_path: Path) -> None:
+    python = tmp_path / "python"
+    python.write_text("#!/bin/sh\nenv\n")
+    python.chmod(0o755)
+    variables = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    environment = {name: value for name, value in os.environ.items() if name not in variables}
+    command = ["make", "-s", f"PYTHON={python}", "env"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert {f"{name}=1" for name in variables} <= set(done.stdout.splitlines())
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a clone")
+def test_a_clone_is_byte_exact_whatever_git_does_to_line_ends(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"
+    command = ["git", "clone", "-q", "--depth", "1", "-c", "core.autocrlf=true", ROOT.as_uri(), str(clone)]
+    subprocess.run(command, check=True, capture_output=True)
+    registry = json.loads((clone / "data" / "registry.json").read_text())
+    digests = {name: hashlib.sha256((clone / "data" / name).read_bytes()).hexdigest() for name in registry}
+    assert digests == {name: entry["sha256"] for name, entry in registry.items()}
+    for name in [*(f"{lock}.txt" for lock in LOCKS), "tools/uv.txt", "tools/lock.sh", ".ci/run", "Makefile"]:
+        assert b"\r" not in (clone / name).read_bytes(), name
+
+
+@pytest.mark.skipif(shutil.which("make") is None, reason="make is not installed")
 def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
     venv = tmp_path / "venv"
     (venv / "bin").mkdir(parents=True)
@@ -212,70 +254,3 @@ def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
     assert make("run", "NB=grace-fusion/04-ukf", "P=days=5 mu=3", "QUICK=1", "OUT=/tmp/a b").stdout == (
         "called: run grace-fusion/04-ukf days=5 mu=3 --quick --out /tmp/a b\n"
     )
-
-
-@pytest.fixture
-def tool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """tools/environment.py on a copy of the project's locks, with pip and venv replaced by a diary."""
-    spec = importlib.util.spec_from_file_location("environment_tool", ROOT / "tools" / "environment.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    for name in ("environment.txt", "environment-test.txt", "pyproject.toml"):
-        (tmp_path / name).write_text(name)
-    module.diary = []
-
-    def create(folder: Path, **_: object) -> None:
-        module.diary.append("new")
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
-
-    monkeypatch.setattr(module, "ROOT", tmp_path)
-    monkeypatch.setattr(module.venv, "create", create)
-    monkeypatch.setattr(
-        module, "pip", lambda python, *words: module.diary.append(Path(words[-1]).name if "-r" in words else "package")
-    )
-    return module
-
-
-def entries(tool, folder: Path, *extras: str) -> list[str]:
-    tool.diary.clear()
-    tool.bring_up_to_date(folder, list(extras))
-    return list(tool.diary)
-
-
-def test_the_environment_follows_its_locks(tool, tmp_path: Path) -> None:
-    folder = tmp_path / "venv"
-    assert entries(tool, folder) == ["new", "environment.txt", "package"]
-    assert entries(tool, folder) == []
-    assert entries(tool, folder, "test") == ["environment-test.txt"]
-    assert entries(tool, folder, "test") == []
-    (tmp_path / "pyproject.toml").write_text("changed")
-    assert entries(tool, folder) == ["package"]
-    (tmp_path / "environment.txt").write_text("changed")
-    assert entries(tool, folder, "test") == ["environment.txt", "environment-test.txt", "package"]
-
-
-def test_an_interrupted_installation_starts_anew(tool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "venv"
-    entries(tool, folder)
-    (tmp_path / "environment.txt").write_text("changed")
-    with monkeypatch.context() as patch:
-        patch.setattr(tool, "pip", lambda *_: sys.exit("killed"))
-        with pytest.raises(SystemExit):
-            tool.bring_up_to_date(folder, [])
-    assert entries(tool, folder) == ["new", "environment.txt", "package"]
-
-
-def test_an_environment_that_was_moved_is_made_anew(tool, tmp_path: Path) -> None:
-    entries(tool, tmp_path / "venv")
-    (tmp_path / "venv").rename(tmp_path / "moved")
-    assert entries(tool, tmp_path / "moved")[0] == "new"
-
-
-def test_only_the_locked_pythons_are_taken(tool) -> None:
-    assert [tool.unsupported(version) for version in ((3, 11), (3, 12), (3, 13))] == [None] * 3
-    assert tool.unsupported((3, 10)) == (
-        "python3 is 3.10; the locked packages are for 3.11 to 3.13. "
-        "Name one of these, as in: make env PYTHON=python3.13"
-    )
-    assert "python3 is 3.14" in tool.unsupported((3, 14))

@@ -144,17 +144,20 @@ def alone(folder: Path):
 
 def failure(command: list, **how) -> Optional[str]:
     """Run a program that inherits the lock of `alone`; its words where it fails, or None."""
-    done = subprocess.run(
-        [str(word) for word in command],
-        cwd=str(ROOT),
-        close_fds=False,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        encoding="utf-8",
-        errors="replace",
-        **how,
-    )
+    try:
+        done = subprocess.run(
+            [str(word) for word in command],
+            cwd=str(ROOT),
+            close_fds=False,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            errors="replace",
+            **how,
+        )
+    except OSError as error:  # of another machine, or on a disk from which nothing may be executed
+        return f"{command[0]}: {error.strerror}"
     return done.stdout.strip() if done.returncode else None
 
 
