@@ -124,7 +124,9 @@ def test_keywords_may_stand_in_the_first_header_and_a_missing_time_scale_is_told
         (times(RAW + 5e8, "E", ">f4"), "single precision, in steps of 32 s"),
         (times(np.ones((2, 2)), "2D"), "TIME holds 2 numbers in a row"),
         (times(np.ones((3, 8)), "8A", "u1"), "TIME holds text"),
-        (times([0.0, *range(500000000, 500000010)]), r"TIME is 5.79e.03 d away from all others in row 1;"),
+        (times([*range(500000000, 500000010), *[0.0] * 5]), "column TIME has 0 s in row 11, a null value"),
+        (times([*range(500000000, 500000010), -999.0]), "column TIME has -999 s in row 11, a null value"),
+        (times([1.0, *range(500000000, 500000010)]), "TIME is 5.79e.03 d away from all others in row 1;"),
         (times([*range(9), 8e8]), r"TIME is 9.26e.03 d away from all others in row 10;"),
         (times() * 2, "the columns 1 and 2 are both called TIME"),
     ],
@@ -239,6 +241,8 @@ def test_the_table_of_events_is_found_among_others(fits_file):
     assert read_events(fits_file((GOOD | other, times([7.0])), (GOOD, times()))).t[0] == 103.5
     assert len(read_events(fits_file((GOOD | {"EXTNAME": "XTE_SE", "HDUCLAS1": "EVENT"}, times()))).t) == 3
     assert len(read_events(fits_file((GOOD | {"EXTNAME": "XTE_SE"}, times()))).t) == 3
+    with pytest.warns(FitsWarning, match="the first of 2 tables of events; the others are left out"):
+        assert len(read_events(fits_file((GOOD, times()), (GOOD, times([7.0])))).t) == 3
     assert read_events(fits_file((GOOD | {"OBJECT": None}, times()))).name == "given.fits"
     for header, columns, match in (
         (GOOD | {"EXTNAME": "RATE", "HDUCLAS1": "LIGHTCURVE"}, times(), "HDUCLAS1 = LIGHTCURVE; a table of events"),

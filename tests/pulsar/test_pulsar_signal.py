@@ -63,6 +63,7 @@ def test_single_epoch_sigmas():
         ({"dec": np.nan}, "not finite"), ({"width": 0.05}, "not longer than the pulse width"),
         ({"pulsed": 0.0}, "pulsed fraction"), ({"pulsed": 1.1}, "pulsed fraction"), ({"flux": 0.0}, "must be positive"),
         ({"distance": -1.0}, "must be positive"), ({"width": 0.0}, "must be positive"),
+        ({"distance": 2.0}, "distance 2 m is 6.48e-17 pc"), ({"period": 1e6}, "longer than any pulsar's"),
     ],
 )  # fmt: skip
 def test_impossible_pulsars_are_refused(change, match):

@@ -59,6 +59,12 @@ class Pulsar:
             raise ValueError(
                 f"{self.name}: period {self.period:g} s is not longer than the pulse width {self.width:g} s."
             )
+        if not PARSEC <= self.distance <= 1e8 * PARSEC:
+            raise ValueError(
+                f"{self.name}: distance {self.distance:g} m is {self.distance / PARSEC:.3g} pc, not 1 pc to 100 Mpc."
+            )
+        if self.period > 1e5:
+            raise ValueError(f"{self.name}: period {self.period:g} s is longer than any pulsar's, 1e5 s.")
         if not 0.0 < self.pulsed <= 1.0:
             raise ValueError(f"{self.name}: pulsed fraction {self.pulsed:g} is outside (0, 1].")
 

@@ -58,8 +58,8 @@ def read_events(path: str | os.PathLike) -> Events:
     if t.size == 0:
         raise table.header.error("there are no events (NAXIS2 = 0).")
     order = np.argsort(t, kind="stable")
+    _refuse_strays(table, t[order], order)
     t = t[order] + zero + clock.middle(table)
-    _refuse_strays(table, t, order)
     exposure = _exposure(tables, table, t, jd)
     kept = _once(t)
     if len(kept) < len(t):
@@ -73,9 +73,11 @@ def read_events(path: str | os.PathLike) -> Events:
 def _event_table(tables: list[Table], path: str | os.PathLike) -> Table:
     """The table of events: the one that is called so, else the first with a column TIME that is called nothing else."""
     timed = [t for t in tables if "TIME" in t.columns and not _is_gti(t)]
-    for table in timed:
-        if table.header.text("HDUCLAS1").startswith("EVENT") or table.name.upper().startswith("EVENT"):
-            return table
+    called = [t for t in timed if t.header.text("HDUCLAS1").startswith("EVENT") or t.name.upper().startswith("EVENT")]
+    if len(called) > 1:
+        called[0].header.warn(f"this is the first of {len(called)} tables of events; the others are left out.")
+    if called:
+        return called[0]
     if not timed:
         there = ", ".join(t.name or "no name" for t in tables) or "none"
         raise FitsError(f"{path} has no table with a column TIME (its tables: {there}); give an event file.")
@@ -89,14 +91,16 @@ def _is_gti(table: Table) -> bool:
 
 
 def _refuse_strays(table: Table, t: Array, order: Array) -> None:
-    """FitsError for a few times that stand days away from all others; t (n,) ascending, order its rows."""
+    """FitsError for times that mean none (zero or negative, where half are a day or more), and for a few that stand
+    years away from all others; t (n,) [s] as in the column, ascending, order its rows."""
+    if t[0] <= 0.0 and t[len(t) // 2] > 86400.0:
+        raise table.header.error(f"column TIME has {t[0]:g} s in row {order[0] + 1}, a null value; leave it out.")
     edge = max(1, len(t) // 100)
     if len(t) < 5:
         return
     low, high = t[edge], t[-1 - edge]
-    reach = 86400.0 + 100.0 * (high - low)
     for k, away in ((0, low - t[0]), (-1, t[-1] - high)):
-        if away > reach:
+        if away > 3e7 + 100.0 * (high - low):
             raise table.header.error(
                 f"column TIME is {away / 86400.0:.3g} d away from all others in row {order[k] + 1}; leave it out."
             )

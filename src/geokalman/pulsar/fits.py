@@ -271,7 +271,10 @@ def _end(content: bytes, start: int, header: Header) -> int:
     groups, extra = header.integer("GCOUNT", 1, 2**63, 1), header.integer("PCOUNT", 0, 2**63, 0)
     size = abs(bits) // 8 * groups * (extra + math.prod(axes)) if axes else 0
     if start + size > len(content):
-        raise header.error(f"the file is truncated: its data end {start + size - len(content)} bytes beyond the file.")
+        raise header.error(
+            f"the data that NAXIS1, NAXIS2 and PCOUNT describe end {start + size - len(content)} bytes beyond the file; "
+            "it is truncated, or they are wrong."
+        )
     return start + size + -size % _BLOCK
 
 

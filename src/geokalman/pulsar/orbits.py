@@ -31,12 +31,13 @@ _INERTIAL = ("ICRS", "ICRF", "GCRS", "GCRF", "FK5", "J2000", "J2000.0", "EME2000
 @dataclass(frozen=True, eq=False)
 class SatelliteOrbit:
     """Positions r (n, 3) [m] and velocities v (n, 3) [m/s] of a satellite about the Earth at t (n,) [s] since jd,
-    ICRF axes."""
+    ICRF axes; name : where they come from, for messages."""
 
     t: Array
     jd: float
     r: Array
     v: Array
+    name: str = "the orbit"
 
     def position(self, seconds: Array, jd: float) -> Array:
         """Positions (n, 3) [m] at times [s] since jd, by cubic Hermite interpolation.
@@ -52,7 +53,7 @@ class SatelliteOrbit:
                 for ends in ((self.t[0], self.t[-1]), (at.min(), at.max()))
             )
             raise ValueError(
-                f"the orbit covers MJD {orbit}, the events MJD {events}; give the orbit file of their day."
+                f"{self.name}: the records cover MJD {orbit}, the events MJD {events}; give the orbit file of their day."
             )
         step = np.diff(self.t)
         radius = _norm(self.r)
@@ -63,7 +64,7 @@ class SatelliteOrbit:
         if lost.any():
             k = k[lost.argmax()]
             raise ValueError(
-                f"the orbit has no record for {step[k]:.0f} s, from {self.t[k]:.0f} to {self.t[k + 1]:.0f} s, where "
+                f"{self.name}: no record for {step[k]:.0f} s, from {self.t[k]:.0f} to {self.t[k + 1]:.0f} s, where "
                 f"{lost.sum()} of {len(at)} events stand; give an orbit without the hole, or events outside it."
             )
         return CubicHermiteSpline(self.t, self.r, self.v)(at)
@@ -123,7 +124,7 @@ def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[st
         raise header.error(f"the orbit has {len(rows)} records; two are needed at least.")
     t, r, v = t[rows], r[rows], None if v is None else v[rows]
     _check_motion(header, t, r, v, rows + 1)
-    return SatelliteOrbit(t + zero, jd, r, _velocities(t, r) if v is None else v)
+    return SatelliteOrbit(t + zero, jd, r, _velocities(t, r) if v is None else v, header.where)
 
 
 def _require_inertial(header: Header) -> None:
