@@ -162,8 +162,8 @@ def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, 
 
 
 def beside_the_package(names: list[str]) -> list[str]:
-    """Files of a wheel that are neither the package's nor its metadata's."""
-    return [name for name in names if not name.startswith(("geokalman/", "geokalman-"))]
+    """Files of a wheel that are neither the package's, nor its entry point's, nor its metadata's."""
+    return [name for name in names if not name.startswith(("geokalman/", "geokalman_entry.py", "geokalman-"))]
 
 
 def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
