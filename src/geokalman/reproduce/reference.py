@@ -129,6 +129,8 @@ def _allowed(
         if guard.covers(name, mode, key):
             return "a declared bound" if not guard.tolerance.none else "nothing, as declared", guard.tolerance
     try:
+        if "spread" not in entry and (earlier := {k: v for k, v in entry.items() if k in Tolerance.model_fields}):
+            return "an earlier tolerance (no spread yet)", Tolerance.model_validate(earlier)
         value = _largest(samples[key]) if "shape" in entry else entry["value"]
         found = tolerance.by_rule(value, entry["spread"], entry.get("largest"))
     except KeyError as error:

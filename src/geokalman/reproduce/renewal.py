@@ -17,6 +17,7 @@ import numpy as np
 from geokalman.reproduce import (
     atomic,
     check,
+    children,
     claims,
     execute,
     graph,
@@ -104,7 +105,7 @@ def _runs(root: Path, scales: Iterable[tuple[str, str]]) -> dict[tuple[str, str,
                 task.result()
         except BaseException:  # the first failure ends it; what is finished stays
             pool.shutdown(wait=False, cancel_futures=True)
-            execute.stop_all()
+            children.stop()
             raise
     return runs
 
@@ -150,6 +151,7 @@ def store(root: Path, folders: Mapping[str, Path], moves: bool = True) -> list[r
             kept.setdefault(key, array.ravel()[::stride])
             alike = (run[2][key] for run in runs if key in run[2] and list(run[2][key].shape) == entry["shape"])
             seen = [kept[key], *(a.ravel()[:: entry["stride"]] for a in alike)]
+        entry = {k: v for k, v in entry.items() if k not in reference.Tolerance.model_fields}  # an earlier one
         entries[key] = entry | spread(seen, entry)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **kept)
