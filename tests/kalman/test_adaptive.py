@@ -147,3 +147,14 @@ def test_what_adaptation_costs_and_saves():
     assert drift(True, 0.01) < 0.5 * drift(False, 0.01)  # a process noise far too small
     assert drift(False, 1.0) <= drift(True, 1.0) < 1.15 * drift(False, 1.0)  # the right one: a little is lost
     assert drift(False, 1.0) < drift(True, 0.01)  # and the right noise beats adaptation
+
+
+def test_factors_by_hand():
+    """Residuals 3 and 1, variances S 4 and 2, R 1 and 1/2: weighted sums 11 and 6, plain sums 10, 6 and 1.5."""
+    V, S, R = np.array([3.0, 1.0]), np.diag([4.0, 2.0]), np.diag([1.0, 0.5])
+    assert adaptive.ratio_factor(V, S, R, 0.1) == pytest.approx(6.0 / 9.0)
+    assert adaptive.trace_factor(V, S, R, 0.1) == pytest.approx(4.5 / 8.5)
+    assert adaptive.ratio_factor(V, S, R, 0.7) == adaptive.trace_factor(V, S, R, 0.7) == 0.7
+    assert adaptive.norm_ratio(V, S) == pytest.approx(np.sqrt(10.0 / 6.0))
+    assert adaptive.predicted_residual(V) == pytest.approx(np.sqrt(5.0))
+    assert adaptive.two_part(-3.0, 1.5, 0.1) == 0.5 and adaptive.two_part(3.0, 1.5, 0.6) == 0.6

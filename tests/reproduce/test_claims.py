@@ -1,8 +1,10 @@
 """The ledger: what an entry must say, and which verdict follows."""
 
 import json
+import math
 
 import pytest
+from pydantic import ValidationError
 
 from geokalman.reproduce import claims
 from geokalman.reproduce.errors import Fault, Misuse
@@ -110,6 +112,10 @@ def test_what_is_not_recorded_is_not_judged():
 def test_units_must_agree():
     with pytest.raises(Fault, match="claim c is in m, but toy/01-line:x is recorded in km"):
         claims.judge(make(), metrics(2.0, "km"))
+    lengths = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y"})
+    with pytest.raises(Fault, match="claim c compares toy/01-line:x, recorded in km, with toy/01-line:y, recorded in m"):
+        claims.judge(lengths, metrics(2.0, "km"))
+    assert claims.judge(lengths, metrics(2.0, "")).verdict == "reproduced"
 
 
 @pytest.mark.parametrize(
@@ -219,3 +225,96 @@ def test_a_row_shows_print_reading_and_reason(change, printed, why):
 
 def test_before_anything_was_computed(toy):
     assert "not computed" in claims.summary_markdown(toy)
+
+
+@pytest.mark.parametrize(
+    ("accept", "low", "high"),
+    [({"abs": 0.5}, 1.5, 2.5), ({"rel": 0.25}, 1.5, 2.5), ({"factor": 2}, 1.0, 4.0), ({"range": [3, 4]}, 3.0, 4.0)],
+)
+def test_the_edge_of_what_is_accepted_belongs_to_it(accept, low, high):
+    for ours in (low, high):
+        assert claims.judge(make(accept=accept), metrics(ours)).verdict == "reproduced"
+    for ours in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf)):
+        assert claims.judge(make(accept=accept), metrics(ours)).verdict == "not-reproduced"
+
+
+@pytest.mark.parametrize(
+    ("narrowest", "narrower"),
+    [({"abs": 0}, {"abs": -0.1}), ({"rel": 0}, {"rel": -0.1}), ({"factor": 1}, {"factor": 0.9}),
+     ({"range": [2, 2]}, {"range": [2, 1.9]})],
+)  # fmt: skip
+def test_nothing_is_narrower_than_equality(narrowest, narrower):
+    assert claims.judge(make(accept=narrowest), metrics(2.0)).verdict == "reproduced"
+    assert claims.judge(make(accept=narrowest), metrics(2.0001)).verdict == "not-reproduced"
+    with pytest.raises(ValidationError):
+        make(accept=narrower)
+
+
+def test_a_factor_has_a_sign_and_a_zero_is_no_multiple():
+    negative = make(printed=-2.0, accept={"factor": 2})
+    assert [claims.judge(negative, metrics(x)).verdict for x in (-3.0, 3.0, 0.0)] == [
+        "reproduced", "not-reproduced", "not-reproduced",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("op", "holds"), [("<", [True, False, False]), ("<=", [True, True, False]), (">", [False, False, True]),
+                      (">=", [False, True, True])],
+)  # fmt: skip
+def test_every_comparison_below_at_and_above(op, holds):
+    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": op, "right": 1.5, "factor": 2})
+    found = [claims.judge(claim, metrics(x)).verdict == "reproduced" for x in (2.5, 3.0, 3.5)]
+    assert found == holds
+
+
+def test_all_comparisons_must_hold_in_any_order():
+    good, bad = ({"left": "toy/01-line:x", "op": op, "right": 1.0} for op in "><")
+    for comparisons in ([good, bad], [bad, good]):
+        judgement = claims.judge(make(metric=None, accept=None, compare=comparisons), metrics(2.0))
+        assert judgement.verdict == "not-reproduced" and judgement.ours.count("not") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "ours", "why"),
+    [
+        ({}, 2.0, "accepted ±10 %"),
+        ({"accept": {"abs": 0.5}}, 2.0, "accepted ±0.5000"),
+        ({"accept": {"factor": 2}}, 2.0, "accepted within a factor 2"),
+        ({"accept": {"range": [1, 3]}}, 2.0, "accepted 1.000 to 3.000"),
+        ({"reason": "chaos", "assumes": "smoothing"}, 9.0, "chaos; accepted ±10 %"),
+        ({"assumes": "smoothing"}, 2.0, "smoothing; accepted ±10 %"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 2.0, "mu; accepted ±10 %"),
+        ({}, None, "toy/01-line:x is not finite"),
+        ({"metric": None, "accept": None, "reason": "not public"}, 2.0, "not public"),
+    ],
+)
+def test_the_reason_that_is_given(change, ours, why):
+    assert claims.judge(make(**change), metrics(ours)).why == why
+
+
+@pytest.mark.parametrize(
+    ("value", "digits"), [(0.9073, 4), (5.26357e-6, 6), (1.23456789, 6), (20.0, 1), (100, 1), (-3.5, 2), ("three", 0)]
+)
+def test_printed_digits(value, digits):
+    assert claims._digits(value) == digits
+
+
+def test_the_ledger_for_scripts(toy):
+    write_metrics(toy, 49.0)
+    first, second = claims.as_json(toy, "toy")
+    assert first == {
+        "paper": "toy", "id": "mean", "where": "Table 1", "says": "the mean of the line", "printed": 49.0, "unit": "m",
+        "metric": "toy/01-line:line.mean", "compare": [], "accept": {"rel": 1e-3}, "ours": 49.0,
+        "expected": "reproduced", "verdict": "reproduced", "why": "accepted ±0.1 %",
+    }  # fmt: skip
+    assert second["ours"] == "49.00 m (line mean) > 10 × 3.000 m (quotient)" and second["verdict"] == "reproduced"
+
+
+def test_columns_that_nothing_fills_are_left_out_of_a_notebooks_claims(toy):
+    numbers = {"line.mean": {"value": 49.0, "unit": "m"}}
+    header, rows, caption = claims.of_notebook(toy, "toy/01-line", numbers, judge=True)
+    assert header == ["The paper says", "Printed", "Ours", "Verdict", "Why"] and len(rows[0]) == 5
+    header, rows, caption = claims.of_notebook(toy, "toy/01-line", numbers, judge=False)
+    assert header == ["The paper says", "Printed", "Ours"] and "nothing is judged" in caption
+    assert rows == [["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m"]]
+    assert claims.of_notebook(toy, "toy/02-constant", {}, judge=True)[0] == ["The paper says", "Ours"]

@@ -232,6 +232,12 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
         if entry["value"] is None:
             return Judgement(claim, None, "not-reproduced", f"{name} is not finite")
         values[name], units[name] = entry["value"], entry["unit"]
+    for c in claim.compare:
+        if isinstance(c.right, str) and units[c.left] and units[c.right] and units[c.left] != units[c.right]:
+            raise Fault(
+                f"claim {claim.id} compares {c.left}, recorded in {units[c.left]}, with {c.right}, recorded in "
+                f"{units[c.right]}; they must agree."
+            )
     if claim.metric:
         ours: float | str = values[claim.metric]
         assert claim.accept is not None
