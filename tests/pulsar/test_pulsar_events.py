@@ -49,6 +49,9 @@ def gti(*intervals, header=None, names=("START", "STOP"), unit="s"):
         ({"TIMESYS": "TAI"}, "s", 1.0, FIRST + 32.184 / 86400), ({"TIMESYS": "GPS"}, "s", 1.0, FIRST + 51.184 / 86400),
         ({"TIMEDEL": 3.2, "TIMEPIXR": 0.0}, "s", 1.0, FIRST + 1.6 / 86400),
         ({"TIMEDEL": 1e-6, "TIMEPIXR": 0.0}, "s", 1.0, FIRST),
+        ({"TSTART": 99 / 86400, "TSTOP": 105 / 86400, "TIMEUNIT": "d", "TIMEZERO": 1.0}, "d", 86400.0,
+         FIRST + 1 - 3.5 / 86400),
+        ({"TIMEDEL": 1 / 1440, "TIMEPIXR": 0, "TIMEUNIT": "d", "TIMEZERO": 0}, "d", 86400.0, FIRST + 26.5 / 86400),
         ({"TIMEDEL": 3.2}, "s", 1.0, FIRST), ({"TIMEDEL": 0.5, "TIMEPIXR": 1.0}, "s", 1.0, FIRST - 0.25 / 86400),
     ],
 )  # fmt: skip

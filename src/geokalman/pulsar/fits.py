@@ -272,8 +272,8 @@ def _end(content: bytes, start: int, header: Header) -> int:
     size = abs(bits) // 8 * groups * (extra + math.prod(axes)) if axes else 0
     if start + size > len(content):
         raise header.error(
-            f"the data that NAXIS1, NAXIS2 and PCOUNT describe end {start + size - len(content)} bytes beyond the file; "
-            "it is truncated, or they are wrong."
+            f"the data end {start + size - len(content)} bytes beyond the file; it is truncated, or NAXIS1, NAXIS2 or "
+            "PCOUNT is wrong."
         )
     return start + size + -size % _BLOCK
 

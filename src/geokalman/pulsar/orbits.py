@@ -53,7 +53,8 @@ class SatelliteOrbit:
                 for ends in ((self.t[0], self.t[-1]), (at.min(), at.max()))
             )
             raise ValueError(
-                f"{self.name}: the records cover MJD {orbit}, the events MJD {events}; give the orbit file of their day."
+                f"{self.name}: the records cover MJD {orbit}, the events MJD {events}; "
+                "give the orbit file of their day."
             )
         step = np.diff(self.t)
         radius = _norm(self.r)

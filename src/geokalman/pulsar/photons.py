@@ -125,14 +125,16 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
     """
     if pieces < 3:
         raise ValueError(f"pieces = {pieces}: a linear fit leaves residuals only from three pieces on.")
-    frequency, power = best_frequency(t, near)
     since = np.sort(t)
     since = since - since[0]
+    parts = np.split(since, np.searchsorted(since, piece * np.arange(1, pieces + 1)))[:pieces]
+    if empty := [k + 1 for k, inside in enumerate(parts) if not inside.size]:
+        raise ValueError(
+            f"piece {empty[0]} of {piece:g} s has no photon; the events last {since[-1]:.0f} s. Give shorter pieces, or fewer."
+        )
+    frequency, power = best_frequency(t, near)
     angle, sigma = np.empty(pieces), np.empty(pieces)
-    for k in range(pieces):
-        inside = since[(since >= k * piece) & (since < (k + 1) * piece)]
-        if inside.size == 0:
-            raise ValueError(f"piece {k + 1} of {piece:g} s has no photon; the events last {since[-1]:.0f} s.")
+    for k, inside in enumerate(parts):
         angle[k] = np.angle(np.exp(2j * np.pi * frequency * inside).sum())
         sigma[k] = 1.0 / (2.0 * np.pi * frequency * np.sqrt(z_squared(frequency * inside)[0]))
     middle = (np.arange(pieces) + 0.5) * piece
@@ -154,7 +156,10 @@ def within_one(scales: Array, power: Array) -> tuple[float, float]:
     """
     top, level = int(power.argmax()), power.max() - 1.0
     if power[: top + 1].min() > level or power[top:].min() > level:
-        raise ValueError(f"Z^2 does not fall by one on both sides of scale {scales[top]:g}; try more scales.")
+        raise ValueError(
+            f"Z^2 does not fall by one on both sides of scale {scales[top]:g} between {scales[0]:g} and {scales[-1]:g}: "
+            "there are too few photons, or too little of an orbit, to tell the scale."
+        )
     low = int(np.flatnonzero(power[:top] <= level)[-1])
     high = top + int(np.flatnonzero(power[top:] <= level)[0])
     left = np.interp(level, power[low : low + 2], scales[low : low + 2])
