@@ -139,7 +139,7 @@ def test_xyz_with_comments_ties_dashes_and_nulls(tmp_path):
     (tmp_path / "b.xyz").write_text(XYZ.replace("LINE ", "").replace(" 7001.16 1", " 1").replace(" 7002 1", " 1"))
     np.testing.assert_array_equal(tables.read_table(tmp_path / "b.xyz")["LINE"], [7001.16, 7001.16, 7002])
     (tmp_path / "c.xyz").write_text("Line 1\n1 2 3\n")
-    with pytest.raises(InputError, match="c.xyz, line 2: .* no row before it names its 3 columns: a CSV needs a header"):
+    with pytest.raises(InputError, match="c.xyz, line 2: .* no row before it names its 3 columns: a CSV needs"):
         tables.read_table(tmp_path / "c.xyz")
     (tmp_path / "d.xyz").write_text(XYZ.replace(" 951564.138\nTie", "\nTie").replace("957133.954", "957133.954 8"))
     with pytest.raises(InputError, match=r"d.xyz, line 5: 6 values stand in this row; row 2 names 5 columns"):

@@ -681,7 +681,7 @@ _FIELD = st.one_of(
 OF_THE_WHOLE = re.compile(
     (
         r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no "
-        r"records after"
+        r"records after|cut short or damaged|unpack it|a web page"
     )
 )
 """Reasons that concern a file as a whole, not one of its lines."""

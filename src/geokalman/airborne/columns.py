@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from geokalman import reading
 from geokalman.airborne.model import Array
-from geokalman.reading import InputError, Place, number
+from geokalman.reading import InputError, Place, lines, number
 
+WHAT = "survey file"
+LABELS = "a line is labelled by its number, with letters before it at most"
 NULLS = frozenset(
     "* ? - -- . na n/a #n/a nan -nan none null nil nodata dummy empty missing inf +inf -inf infinity -infinity "
     "1.#inf -1.#inf 1.#qnan -1.#ind #value! #div/0!".split()
@@ -77,24 +81,29 @@ class Table(dict[str, Array]):
         return values
 
     def add(self, name: str, words: Sequence[str], comma: bool = False) -> None:
-        """Add a column by its words; `comma`: the decimal mark may be a comma. A name that comes again is marked."""
+        """Add a column by its words; `comma`: the decimal mark may be a comma."""
         values, good = as_numbers(words, comma)
-        if name in self:
-            if good and name not in self.texts and np.array_equal(self[name], values, equal_nan=True):
-                return
-            self.texts[name] = []
-        self[name] = values
-        if not good:
-            self.texts.setdefault(name, [word.strip() for word in words])
+        self.put(name, values, [] if good else [word.strip() for word in words])
 
-    def put(self, name: str, values: Array) -> None:
-        """Add a column of numbers; a name that comes again with other values is marked."""
-        if name in self and not np.array_equal(self[name], values, equal_nan=True):
+    def put(self, name: str, values: Array, words: Sequence[str] = ()) -> None:
+        """Add a column of numbers, or of words that are none; a name that comes again with others is marked."""
+        known = self.texts.get(name, [])
+        if name in self and (known != list(words) or not np.array_equal(self[name], values, equal_nan=True)):
             self.texts[name] = []
+        elif words:
+            self.texts[name] = list(words)
         self[name] = values
 
 
-LABELS = "a line is labelled by its number, with letters before it at most"
+def full_rows(path: Path) -> Iterator[tuple[Place, str]]:
+    """Rows of a text file that are not blank, as `reading.lines`. Raises InputError for more than memory may hold."""
+    size = 0
+    for place, text in lines(path, WHAT):
+        size += len(text) + 64  # what a row takes in memory
+        if size > reading.MAX_BYTES:
+            raise Place(path).error(f"this holds more than {reading.MAX_BYTES >> 30} GiB; split it.")
+        if text.strip():
+            yield place, text
 
 
 def as_numbers(words: Sequence[str], comma: bool = False) -> tuple[Array, bool]:
@@ -123,7 +132,7 @@ def blanked(values: Array) -> Array:
 def is_number(word: str) -> bool:
     """Whether a word is a number and no null."""
     value = _value(word)
-    return value is not None and value == value
+    return value is not None and not math.isnan(value)
 
 
 def is_value(word: str) -> bool:

@@ -11,14 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geokalman import reading
 from geokalman.airborne.columns import (
-    LABELS, Table, blanked, column_name, is_number, is_ruler, is_value, line_number,
+    LABELS, Table, blanked, column_name, full_rows, is_number, is_ruler, is_value, line_number,
 )  # fmt: skip
 from geokalman.airborne.layout import is_unit
 from geokalman.reading import Place
 
-WHAT = "survey file"
 _COMMENTS = "/#!%"
 _HEADER = re.compile(r"(line|tie|base|test|trend|special|random)(?:\s+(.*))?", re.I)
 _SHORT = re.compile(r"[LTBSRPD]\d[\w.:]*")
@@ -48,14 +46,9 @@ def read_delimited(path: Path | str) -> Table:
     rows: list[int] = []
     labels: list[float] = []
     starts: list[int] = []
-    label, size, place = np.nan, 0, Place(path)
-    for place, text in reading.lines(path, WHAT):
+    label = np.nan
+    for place, text in full_rows(path):
         text = text.strip() if "\t" not in text else text.strip(" ")
-        size += len(text) + 64  # what a row takes in memory
-        if size > reading.MAX_BYTES:
-            raise Place(path).error(f"this holds more than {reading.MAX_BYTES >> 30} GiB; split it.")
-        if not text.strip():
-            continue
         if text[0] in _COMMENTS:
             comment = text.lstrip(_COMMENTS).strip()
             if text.startswith("//"):  # //Flight and //Date of a Geosoft XYZ
@@ -108,9 +101,7 @@ def _fill(table: Table, names: _Names, texts: Sequence[str]) -> None:
         words = list(_words(table, names, texts))
         for k in keep:
             table.add(named[k][0], [row[k] for row in words], comma=names.delimiter != ",")
-    table.units = {
-        name: unit or extra for (name, unit), extra in zip(named, names.units, strict=True) if unit or extra
-    }
+    table.units = {name: unit or extra for (name, unit), extra in zip(named, names.units, strict=True) if unit or extra}
 
 
 def _words(table: Table, names: _Names, texts: Sequence[str]) -> Iterator[list[str]]:
@@ -121,7 +112,8 @@ def _words(table: Table, names: _Names, texts: Sequence[str]) -> Iterator[list[s
         if len(words) == wanted + 1 and not words[-1].strip():
             words.pop()
         if len(words) != wanted:
-            raise table.error(f"{len(words)} values stand in this row; row {names.place.line} names {wanted} columns.", k)
+            known = f"row {names.place.line} names {wanted} columns"
+            raise table.error(f"{len(words)} values stand in this row; {known}.", k)
         yield words
 
 

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from geokalman import reading
-from geokalman.airborne.columns import Table, is_number, is_value
+from geokalman.airborne.columns import Table, full_rows, is_number, is_value
 from geokalman.reading import Place, number
 
-WHAT = "fixed-width survey file"
-_RECORD = re.compile(r"\s*DEFN\s*(\d*)\s*ST\s*=\s*RECO?R?D\s*,\s*RT\s*=\s*(\w*)\s*(?:;(.*))?", re.I)
+_RECORD = re.compile(r"\s*DEFN\s*(\d{0,9})\s*ST\s*=\s*RECO?R?D\s*,\s*RT\s*=\s*(\w*)\s*(?:;(.*))?", re.I)
 _END = re.compile(r"\s*END\s*DEFN\W*", re.I)
-_FORMAT = re.compile(r"(\d*)\s*([IFEDGA])\s*(\d+)(?:\.(\d*)(?:E\d+)?)?|(\d*)X(\d*)", re.I)
+_FORMAT = re.compile(r"(\d{0,9})\s*([IFEDGA])\s*(\d{1,9})(?:\.(\d{0,3})(?:E\d+)?)?|(\d{0,9})X(\d{0,9})", re.I)
 _ATTRIBUTE = re.compile(r"\b(NULL|UNIT)S?\s*[=:]\s*((?:(?!\b(?:NULL|UNIT|UNITS|NAME)\s*=)[^,:;])*)", re.I)
 
 
@@ -54,12 +53,8 @@ def read_fixed_width(path: Path | str, definition: Path | str) -> Table:
     path, definition = Path(path), Path(definition)
     records, others = read_definition(definition)
     texts, rows = [], []
-    size = 0
-    for place, text in reading.lines(path, WHAT):
-        size += len(text) + 64  # what a row takes in memory
-        if size > reading.MAX_BYTES:
-            raise Place(path).error(f"this holds more than {reading.MAX_BYTES >> 30} GiB; split it.")
-        if text.strip() and text[:4].upper() not in others:
+    for place, text in full_rows(path):
+        if text[:4].upper() not in others:
             texts.append(text)
             rows.append(place.line)
     if not texts:
@@ -90,7 +85,9 @@ def read_definition(path: Path | str) -> tuple[list[list[Field]], set[str]]:
         if found is None:
             ended = ended or bool(_END.fullmatch(text))
             if not _END.fullmatch(text) and re.search(r"DEFN|NULL\s*=|:\s*\d*[IFEDGA]\d", text, re.I):
-                raise place.error(f"{text.strip()[:60]!r} is no definition; one reads DEFN 1 ST=RECD,RT=DATA;NAME:F10.2.")
+                raise place.error(
+                    f"{text.strip()[:60]!r} is none; a definition reads DEFN 1 ST=RECD,RT=DATA;NAME:F10.2."
+                )
             continue
         count, kind, body = int(found[1] or 0), found[2].upper(), found[3] or ""
         if kind not in ("", "DATA"):
@@ -123,10 +120,12 @@ def _field(place: Place, text: str) -> Field:
     form = re.split("[:,]", rest, maxsplit=1)[0].strip()
     found = _FORMAT.fullmatch(form)
     if found is None:
-        raise place.error(f"the format of {name.strip()[:40]} is {form[:40]!r}; one is like F10.2, I8, A4, 2E16.8 or 5X.")
+        raise place.error(
+            f"the format of {name.strip()[:40]} is {form[:40]!r}, not one like F10.2, I8, A4, 2E16.8, 5X."
+        )
     blank = found[2] is None  # nX
-    count, width = ("1", f"{int(found[5] or 1) * int(found[6] or 1)}") if blank else (found[1] or "1", found[3])
-    if len(count) + len(width) > 12 or not int(count) * int(width):
+    count, width = (1, int(found[5] or 1) * int(found[6] or 1)) if blank else (int(found[1] or 1), int(found[3]))
+    if not 0 < count * width <= reading.MAX_LINE:
         raise place.error(f"the format of {name.strip()[:40]} is {form[:40]!r}, which holds nothing or too much.")
     given = {key.upper(): value.strip() for key, value in _ATTRIBUTE.findall(rest[len(form) :])}
     null = (given.get("NULL") or " ").split(" ")[0]
@@ -134,7 +133,7 @@ def _field(place: Place, text: str) -> Field:
     if not blank and found[2].upper() in "EDG" and is_number(null):
         precision *= abs(number(null))
     name = "" if blank else re.sub(r"[\s-]+", "_", name.strip().upper())
-    return Field(name, int(count), int(width), null, given.get("UNIT", ""), precision)
+    return Field(name, count, width, null, given.get("UNIT", ""), precision)
 
 
 def _width(fields: Sequence[Field]) -> int:
@@ -151,9 +150,7 @@ def _without_type(fields: list[Field], texts: Sequence[str]) -> list[Field]:
     return [Field("", 1, fields[0].width), *fields[1:]] if carried else fields[1:]
 
 
-def _columns(
-    table: Table, fields: Sequence[Field], texts: Sequence[str], definition: Path
-) -> Iterator[Sequence[str]]:
+def _columns(table: Table, fields: Sequence[Field], texts: Sequence[str], definition: Path) -> Iterator[Sequence[str]]:
     """The words of each column. Raises InputError for a row of another width."""
     widths = [one.width for one in fields for _ in range(one.count)]
     ends = list(accumulate(widths))

@@ -12,10 +12,13 @@ from geokalman.airborne.layout import Layout
 from geokalman.airborne.model import Array
 from geokalman.reading import InputError
 
-ALLOWED = {"latitude": (1.0, 5.0), "eotvos": (20.0, 60.0), "free_air": (0.62, 10.0)}
-"""How far a correction may be from ours [mGal]: in the middle of its values, and at any epoch."""
+ALLOWED = {"latitude": 1.0, "eotvos": 10.0, "free_air": 0.62}
+"""How far a correction may be from ours [mGal], and at a single epoch by SCATTER times its usual scatter more."""
+SCATTER = 15.0
 WINDOW = 100.0
-"""Seconds over which apparent gravity is averaged before references are held against it."""
+"""Seconds over which apparent gravity is averaged before it is judged."""
+STRONGEST = 500.0
+"""No gravity disturbance, with the bias of an accelerometer on it, is larger [mGal]."""
 
 
 def agree(name: str, c: Table, references: Table, layout: Layout) -> None:
@@ -24,8 +27,8 @@ def agree(name: str, c: Table, references: Table, layout: Layout) -> None:
         _raw(name, c, references)
     _corrections(name, c, references, layout)
     if "a_up" in c:
-        _motion(name, c)
-        _references(name, c, references, layout)
+        _motion(name, c, references)
+        _gravity(name, c, references, layout)
 
 
 def height_correlation(f3: Array, height: Array) -> float:
@@ -53,30 +56,45 @@ def _decimal(x: Array) -> float:
     return next((unit for unit in (1.0, 0.1) if np.allclose(x / unit, np.round(x / unit), rtol=0, atol=1e-5)), 0.01)
 
 
-def _motion(name: str, c: Table) -> None:
-    """The kinematic acceleration is that of the height, where the rate of the data shows it."""
+def _motion(name: str, c: Table, references: Table) -> None:
+    """The kinematic acceleration is that of the height, where the rate of the data shows it, and no channel sticks."""
     t = c["t"]
+    stuck = {key: np.convolve(np.diff(c[key]) == 0, np.ones(3), "valid") == 3 for key in ("f3", "a_up")}
+    for key, other in (("f3", "a_up"), ("a_up", "f3")):
+        if (alone := stuck[key] & ~stuck[other]).any():
+            k = int(np.argmax(alone))
+            raise InputError(
+                f"Line {name}: {key} stays {c[key][k]:.10g} mGal for four rows and more{at(references, k)} while "
+                f"{other} varies; leave cells without a measurement empty."
+            )
     rise = np.diff(c["height"], 2) / ((t[-1] - t[0]) / (len(t) - 1)) ** 2 * 1e5
     slope, related = _slope(rise, c["a_up"][1:-1])
-    if related < 0.8 or 0.5 < slope < 2.0:
+    least = 0.8 if related > 0.95 else 0.5
+    if related < 0.8 or least < slope < 1 / least:
         return
     why = "its sign is the other one" if -2.0 < slope < -0.5 else "check the units of both"
     raise InputError(f"Line {name}: a_up is {slope:.3g} times the acceleration of the height; {why}.")
 
 
-def _references(name: str, c: Table, references: Table, layout: Layout) -> None:
-    """References vary as the averaged apparent gravity does, where that shows above its noise."""
+def _gravity(name: str, c: Table, references: Table, layout: Layout) -> None:
+    """Averaged apparent gravity is one, and references vary as it does, where that shows above its noise."""
     dt = (c["t"][-1] - c["t"][0]) / (len(c["t"]) - 1)
     window = max(round(WINDOW / dt), 1)
     if len(c["t"]) < 4 * window:
         return
-    apparent = c["f3"] - c["a_up"] + sum(sign * c[column] for column, sign in layout.corrections.items())
     inner = slice(window, -window)
+    apparent = c["f3"] - c["a_up"] + sum(sign * c[column] for column, sign in layout.corrections.items())
+    apparent = uniform_filter1d(uniform_filter1d(apparent, window), window)
+    k = window + int(np.argmax(np.abs(apparent[inner])))
+    if abs(apparent[k]) > STRONGEST:
+        raise InputError(
+            f"Line {name}: over {WINDOW:g} s the accelerations and corrections leave {apparent[k]:.0f} mGal"
+            f"{at(references, k)}, which is no gravity disturbance; check f3, a_up and the corrections there."
+        )
     for key, values in references.items():
         if key in ROWS or not np.isfinite(values).all():
             continue
-        smooth = [uniform_filter1d(uniform_filter1d(x, window), window)[inner] for x in (apparent, values)]
-        slope, related = _slope(*smooth)
+        slope, related = _slope(apparent[inner], uniform_filter1d(uniform_filter1d(values, window), window)[inner])
         if related < 0.85 or 0.25 < slope < 4.0:
             continue
         why = "its sign is the other one" if -4.0 < slope < -0.25 else "check its unit (mGal)"
@@ -100,14 +118,14 @@ def _corrections(name: str, c: Table, references: Table, layout: Layout) -> None
     }
     for column, kind in layout.kinds.items():
         given, expected = layout.corrections[column] * c[column], ours[kind]
-        middle, anywhere = ALLOWED[kind]
-        gap = given - expected
-        if abs(np.median(gap)) > middle:
+        gap, allowed = given - expected, ALLOWED[kind]
+        middle = np.median(gap)
+        if abs(middle) > allowed:
             raise InputError(
                 f"Line {name}: {column} adds {np.median(given):.2f} mGal in the middle of its values where the "
-                f"positions ask for {np.median(expected):.2f}; {_cause(kind, given, expected, middle)}."
+                f"positions ask for {np.median(expected):.2f}; {_cause(kind, given, expected, allowed)}."
             )
-        if np.abs(gap).max() > anywhere:
+        if np.abs(gap).max() > allowed + SCATTER * np.median(np.abs(gap - middle)):
             k = int(np.argmax(np.abs(gap)))
             raise InputError(
                 f"Line {name}: {column} adds {given[k]:.2f} mGal{at(references, k)}, "
@@ -128,7 +146,7 @@ def _cause(kind: str, given: Array, expected: Array, allowed: float) -> str:
     if kind == "free_air":
         metres = (given - expected) / 0.3086
         said = f"it belongs to a height {np.median(metres):+.1f} m from the one given"
-        if abs(np.median(metres)) < 110.0 and np.ptp(metres) < 5.0:  # so far from the ellipsoid, and so smooth, is the geoid
+        if abs(np.median(metres)) < 110.0 and np.ptp(metres) < 5.0:  # the geoid is no further away, and that smooth
             return f"{said}; the height must be above the ellipsoid, not above the geoid"
         return f"{said}, though not everywhere; check its column and that of the height"
     return "check its column and unit"

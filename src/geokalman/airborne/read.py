@@ -16,7 +16,7 @@ import numpy as np
 
 from geokalman.airborne import checks, quality
 from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import LAYOUTS, Layout
+from geokalman.airborne.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout  # noqa: F401 - their usual address
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.tables import read_table
 from geokalman.files import data_path
@@ -156,7 +156,11 @@ def read_survey(path: Path | str, layout: Layout | str | None = None, shortest: 
                 f"(the nearest lacks {', '.join(lacking)}); describe it by a Layout."
             )
         layout = nearest
-    return survey(table, LAYOUTS[layout] if isinstance(layout, str) else layout, shortest)
+    elif isinstance(layout, str):
+        if layout not in LAYOUTS:
+            raise InputError(f"There is no layout {layout!r}; there are {', '.join(LAYOUTS)}, or a Layout of your own.")
+        layout = LAYOUTS[layout]
+    return survey(table, layout, shortest)
 
 
 def survey(table: Mapping[str, Array], layout: Layout, shortest: float = SHORTEST) -> Survey:
@@ -223,10 +227,10 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
             kept = {key: values for key, values in others.items() if key in layout.references}
             flights.append(_flight(label, part, kept, layout))
     notes += [f"line {name} was flown {n} times, its flights carry letters" for name, n in times_flown.items() if n > 1]
-    for key in layout.references:  # a reference that is null all along a line is none
-        empty = [f.name for f in flights if not np.isfinite(f.references[key]).any()]
+    for key in layout.references:
+        empty = [f.name for f in flights if not np.nanmax(np.abs(np.diff(f.references[key])), initial=0.0) > 0]
         if empty:
-            notes.append(f"{key} is null in all rows of {len(empty)} lines ({_some(empty)})")
+            notes.append(f"{key} is null or one value in all rows of {len(empty)} lines ({_some(empty)}): none there")
             flights = [_without(f, key) if f.name in empty else f for f in flights]
     if not flights:
         raise InputError(f"No line can be used: {_some(refused, '; ')}.")

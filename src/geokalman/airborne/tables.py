@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from geokalman import reading
-from geokalman.airborne.columns import Table
-from geokalman.airborne.delimited import WHAT, is_data, read_delimited
+from geokalman.airborne.columns import WHAT, Table
+from geokalman.airborne.delimited import is_data, read_delimited
 from geokalman.airborne.gdf import read_fixed_width
 from geokalman.airborne.model import Array
 from geokalman.reading import Place
@@ -40,7 +40,7 @@ def read_table(path: Path | str, definition: Path | str | None = None) -> Table:
         raise Place(path).error("this defines the columns of a fixed-width file; give the .DAT beside it.")
     definition = definition or _beside(path)
     if definition is None and _bare(path).suffix.lower() == ".dat" and is_data(head):
-        raise Place(path).error(f"this needs the file {_bare(path).stem}.DFN beside it, which says where its columns are.")
+        raise Place(path).error(f"this needs the file {_bare(path).stem}.DFN beside it, which says where columns are.")
     return read_fixed_width(path, definition) if definition else read_delimited(path)
 
 
