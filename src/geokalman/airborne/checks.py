@@ -49,7 +49,7 @@ LIMITS = {
     "eotvos": Limit(-1e7, 1e7, 100.0, "mGal"),
     "free_air": Limit(-1e7, 1e7, 60.0, "mGal"),
     "correction": Limit(-1e7, 1e7, 50.0, "mGal"),
-    "reference": Limit(-1e3, 1e3, 3.0, "mGal"),
+    "reference": Limit(-1e3, 1e3, 6.0, "mGal"),  # 100 mGal/km at 60 m/s: no gradient of gravity is steeper
 }
 """Limits of the channels, the kinds of corrections, and the references; steps are for a second or less."""
 _COUNTERS = (-999.25, -32768.0, -32767.0, 32767.0, -2147483648.0, -2147483647.0, 2147483647.0)
