@@ -47,7 +47,8 @@ def test_claims(built, geokalman):
     done = geokalman(built, "claims", COLUMNS="40")
     assert done.stdout.splitlines() == [
         "The toy paper", "",
-        "mean: reproduced", "    Table 1: the mean of the line", "    printed 49\u00a0m; ours 49.00\u00a0m", "    accepted ±0.1 %",
+        "mean: reproduced", "    Table 1: the mean of the line", "    printed 49\u00a0m; ours 49.00\u00a0m",
+        "    0.1 % from its threshold", "    accepted ±0.1 %",
         "steeper: reproduced", "    text: the line ends above the", "    constant", "    ours 49.00 m (line mean) > 10 ×", "    3.000 m (quotient)",
     ]  # fmt: skip
     told = json.loads(geokalman(built, "claims", "toy", "--json").stdout)
