@@ -186,7 +186,7 @@ def test_default_folder_says_what_was_asked(toy, asked, words):
     assert one != two
 
 
-ODD = "a{b} {slope} 'c\" [d]*? %s #$HOME ~é"
+ODD = "a{b} {slope} 'c\" [d]*? %s#$HOME ~é"  # " #" begins a comment: values are YAML
 TEXT = """'"\\ \\" \\n {x} $HOME %s #é\U0001f600\"; raise SystemExit #"""
 
 
