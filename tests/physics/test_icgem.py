@@ -287,6 +287,11 @@ def test_a_name_of_several_words_and_a_factor_behind_the_errors(tmp_path):
     assert read_gfc(four).sigma_C[2, 1] == 1e-12
 
 
+@pytest.mark.parametrize("before", ["", "begin_of_head\nmodelname a\nmodelname b\n"])
+def test_a_name_is_not_needed(tmp_path, before):
+    assert read_gfc(gfc(tmp_path, before=before, modelname="")).name == ("a" if before else "toy")
+
+
 def test_prose_before_a_header_without_its_begin(tmp_path):
     prose = "errors of it are calibrated\nradius of 6378 km\nformat description: www\nnorm is the usual\nerrors\n"
     assert read_gfc(gfc(tmp_path, before=prose)).n_max == 2

@@ -74,7 +74,7 @@ def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
                 fault = fault or (error if begun or len(words) == 1 else None)
                 continue
             begun = True
-            if values.setdefault(key, (value, place))[0] != value:
+            if values.setdefault(key, (value, place))[0] != value and key != "modelname":
                 said = f"{key} = {' '.join(words)} stands otherwise in line {values[key][1].line}; one is right."
                 fault = fault or place.error(said)
     else:
@@ -90,7 +90,7 @@ def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
             raise GfcError(f"{path}: the header lacks {meaning}.")
     said = {key: value for key, (value, _) in values.items()}
     return Header(
-        name=said.get("modelname", path.name.split(".")[0]),
+        name=said.get("modelname") or path.name.split(".")[0],
         gm=said["gravity_constant"],
         radius=said["radius"],
         n_max=said["max_degree"],
@@ -104,7 +104,7 @@ def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
 
 def _parsed(key: str, words: list[str], place: Place) -> Any:
     """The value that the words behind a keyword give."""
-    if not words:
+    if not words and key not in ("modelname", "tide_system"):
         raise place.error(f"{key} has no value.")
     if key in _CHOICES:
         known = {_squashed(word): word for word in _CHOICES[key]}
