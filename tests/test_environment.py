@@ -45,8 +45,6 @@ def tool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         words = [str(word) for word in command]
         if "venv" in words:
             entry = "new"
-            Path(words[-1]).mkdir()
-            (Path(words[-1]) / "pyvenv.cfg").touch()
         else:
             entry = "check" if words[-1] == "check" else "package" if "-e" in words else Path(words[-1]).name
         module.diary.append(entry)
@@ -78,11 +76,13 @@ def test_the_environment_follows_its_locks(tool, tmp_path: Path) -> None:
     assert entries(tool, folder, "test") == ["uv.txt", "environment.txt", "environment-test.txt", "package", "check"]
 
 
-@pytest.mark.parametrize("where", ["environment.txt", "package", "check"])
+@pytest.mark.parametrize("where", ["new", "environment.txt", "package", "check"])
 def test_an_interrupted_installation_starts_anew(tool, tmp_path: Path, where: str) -> None:
     folder = tmp_path / "venv"
     entries(tool, folder)
     (tmp_path / "environment.txt").write_text("changed")
+    if where == "new":
+        (folder / "installed.json").unlink()
     tool.answer = {where: "a dependency is missing"}
     with pytest.raises(SystemExit, match="a dependency is missing"):
         entries(tool, folder)

@@ -176,7 +176,7 @@ def bring_up_to_date(folder: Path, extras: list) -> None:
         pending, stamp = list(wanted), dict(place)
     if pending:
         (folder / _STAMP).unlink(missing_ok=True)  # an interrupted installation starts anew
-        if failure(pip(python, *_LOCKED, ROOT / "tools" / "uv.txt")):
+        if failure(pip(python, *_LOCKED, ROOT / "tools" / "uv.txt")) is not None:
             say("uv cannot be had here; pip installs, which takes longer")
     for name in pending:
         say(f"installing {lock_file(name).name} (the first time takes a minute or two)")
@@ -201,6 +201,8 @@ def make_anew(folder: Path) -> None:
     if folder.exists():
         folder.rename(old)  # whole, so that none is ever half removed
         shutil.rmtree(str(old))
+    folder.mkdir()
+    (folder / "pyvenv.cfg").touch()  # ours from the first moment on: interrupted, it is known again
     # not sys.executable, which may be the one just removed, of an activated .venv
     words = failure([sys._base_executable, "-I", "-m", "venv", folder])
     if words is not None:
@@ -220,7 +222,7 @@ def install(python: Path, *what) -> None:
     words = failure(pip(python, *what))
     if words is not None:
         last = "\n".join(words.splitlines()[-20:])
-        sys.exit(f"{last}\npip could not install that; its words stand above. Call make again to resume.")
+        sys.exit(f"{last}\npip could not install that; its words stand above. Call make again to try once more.")
 
 
 def pip(python: Path, *what) -> list:
