@@ -61,7 +61,7 @@ def entries(tool, folder: Path, *extras: str) -> list[str]:
     return list(tool.diary)
 
 
-WHOLE = ["new", "uv.txt", "environment.txt", "package", "check"]
+WHOLE = ["new", "uv.txt", "environment.txt", "package", "src", "check"]
 
 
 def test_the_environment_follows_its_locks(tool, tmp_path: Path) -> None:
@@ -71,9 +71,9 @@ def test_the_environment_follows_its_locks(tool, tmp_path: Path) -> None:
     assert entries(tool, folder, "test") == ["uv.txt", "environment-test.txt", "check"]
     assert entries(tool, folder, "test") == []
     (tmp_path / "pyproject.toml").write_text("changed")
-    assert entries(tool, folder) == ["package", "check"]
+    assert entries(tool, folder) == ["package", "src", "check"]
     (tmp_path / "environment.txt").write_text("changed")
-    assert entries(tool, folder, "test") == ["uv.txt", "environment.txt", "environment-test.txt", "package", "check"]
+    assert entries(tool, folder, "test") == ["uv.txt", "environment.txt", "environment-test.txt", "package", "src", "check"]
 
 
 @pytest.mark.parametrize("where", ["new", "environment.txt", "package", "check"])

@@ -1,5 +1,6 @@
 """The hash of a piece of code and all it stands on; and the compilation cache that is keyed by it."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -59,6 +60,19 @@ def test_imports_of_every_form():
         "geokalman.reproduce.errors",
     }
     assert "geokalman.__version__" not in found and "geokalman.reproduce.sibling" not in found
+
+
+@pytest.mark.parametrize("path", sorted(sources.PACKAGE_DIR.rglob("*.py")), ids=lambda path: path.stem)
+def test_imports_are_those_of_the_whole_syntax_tree(path):
+    named = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            named |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            named |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    ours = {name for name in named if name.partition(".")[0] == "geokalman" and sources.module_path(name)}
+    assert sources.imported_modules(path.read_text(encoding="utf-8")) == ours
 
 
 def test_closure_holds_packages_on_the_way_and_itself():

@@ -185,6 +185,7 @@ def bring_up_to_date(folder: Path, extras: list) -> None:
     package = digest(ROOT / "pyproject.toml")
     if stamp.get("package") != package:
         install(python, "--no-build-isolation", "-e", ROOT)
+        failure([python, "-m", "compileall", "-q", ROOT / "src"])  # what cannot be written, as on a read-only disk, may go
         stamp["package"] = package
     if stamp != known:
         check(python)
@@ -214,7 +215,9 @@ def install(python: Path, *what) -> None:
     uv = python.with_name("uv")
     if uv.is_file():
         flags, settings = index_settings(python)
-        command = [uv, "pip", "install", "--quiet", "--no-deps", "--python", python, *flags, *what]
+        # as pip does: where PYTHONDONTWRITEBYTECODE is set, every process would parse all of SciPy again
+        flags = [*flags, "--quiet", "--no-deps", "--compile-bytecode", "--python", python]
+        command = [uv, "pip", "install", *flags, *what]
         words = failure(command, env={**settings, **os.environ})
         if words is None:
             return
@@ -237,7 +240,9 @@ def pip(python: Path, *what) -> list:
 
 def index_settings(python: Path) -> tuple:
     """Where pip's files and variables say that packages come from, as (flags, variables) of uv, which reads neither."""
-    done = subprocess.run([str(python), "-I", "-m", "pip", "config", "list"], stdout=subprocess.PIPE, encoding="utf-8")
+    command = [str(python), "-I", "-m", "pip", "config", "list"]
+    known = {**os.environ, "PIP_USER": "0"}  # else `user = true` makes it list the user's own settings alone
+    done = subprocess.run(command, env=known, stdout=subprocess.PIPE, encoding="utf-8")
     found = {}
     for section in ("global.", "install.", ":env:."):  # a later one wins, as in pip
         for line in done.stdout.splitlines():
