@@ -49,7 +49,7 @@ def test_stored_reference(run, assert_held, name):
     assert_held(reference.differences(ROOT, run(name), mode))
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", [name for name in QUICK if name != "13-search"])  # draws the whole survey only
 def test_figures_are_drawn_twice_with_their_data(run, assert_drawn, name):
     assert_drawn(run(name), DRAWINGS)
 
