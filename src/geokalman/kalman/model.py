@@ -1,0 +1,92 @@
+"""What a filter believes: a model of the motion and sensors, as matrices, Python functions or compiled functions.
+
+Compiled functions (`numba.njit` with the signatures below) write into the arrays that they are given and return 0, or a
+positive number of their own that stops the run. An array of size zero is not wanted. `u` is the row of the inputs for
+this step or epoch, `p` the parameters.
+
+    PROPAGATE(t0, t1, x, u, p, x_out, F, Q)   state at t1 from that at t0, its Jacobian and the noise of the step
+    OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R holds the sensor's, may be changed
+    RETRACT(x, d, x_out)                      state x [+] d of an error d
+    DIFFERENCE(x, y, d)                       error d that leads from x to y
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+
+vector = types.float64[::1]
+matrix = types.float64[:, ::1]
+PROPAGATE = types.int64(types.float64, types.float64, vector, vector, vector, vector, matrix, matrix)
+OBSERVE = types.int64(types.float64, vector, vector, vector, vector, matrix, matrix)
+RETRACT = types.void(vector, vector, vector)
+DIFFERENCE = types.void(vector, vector, vector)
+
+
+@njit(RETRACT, cache=True)
+def add(x, d, x_out):
+    """Retraction of a flat space: x_out = x + d."""
+    for j in range(x.size):
+        x_out[j] = x[j] + d[j]
+
+
+@njit(DIFFERENCE, cache=True)
+def subtract(x, y, d):
+    """Difference of a flat space: d = y - x."""
+    for j in range(x.size):
+        d[j] = y[j] - x[j]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manifold:
+    """A state space that is not flat: compiled `RETRACT` and `DIFFERENCE`, and the number n of components of an error.
+
+    Source: Hertzberg et al. (2013), Information Fusion 14, 57-77.
+    """
+
+    retract: Callable
+    difference: Callable
+    n: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """Motion x_next = f(x) + w, w ~ N(0, Q), in one of three forms.
+
+    linear   : F, Q matrices (n, n), stacks (N - 1, n, n), or F(h), giving the pair for a step of h [s]
+    Python   : f(x, t0, t1) : (n,), F(x, t0, t1) : (n, n) = df/dx (extended filter only), Q : (n, n) or Q(t0, t1)
+    compiled : f with the signature `PROPAGATE`, inputs : (N - 1, i), params : (p,); F and Q are not given
+    manifold : where the state is no vector (compiled form only); the prior's cov is that of the error
+    """
+
+    f: Callable | None = None
+    F: Any = None
+    Q: Any = None
+    inputs: Any = None
+    params: Any = ()
+    manifold: Manifold | None = None
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One instrument's observations z = h(x, t) + v, v ~ N(0, R), on the epochs of a run.
+
+    z : (N, m), NaN where a component or an epoch is missing [its units]; R : (m, m) or (N, m, m).
+    linear   : H : (m, n) or (N, m, n), no h; sequential: component by component (fast), else jointly
+    Python   : h(x, t) : (m,) and H(x, t) : (m, n) = dh/dx, needed by the extended filter only
+    compiled : h with the signature `OBSERVE`, inputs : (N, i), params : (p,)
+    Observations in one sensor are processed jointly at one linearisation, sensors one after the other, each at the
+    state that the one before left.
+    """
+
+    z: Any
+    R: Any
+    h: Callable | None = None
+    H: Any = None
+    inputs: Any = None
+    params: Any = ()
+    sequential: bool = True
