@@ -158,7 +158,7 @@ def good(built, tmp_path_factory, geokalman):
 def test_check_of_a_good_book(good, geokalman):
     done = geokalman(good, "check")
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "3 stored numbers, 2 anchors, 2 claims: 0 problems\n"
+    assert done.stdout == "3 stored numbers, 2 anchors, 2 claims (1 near a threshold): 0 problems\n"
     assert "the first ones" in (good / "CHANGELOG.md").read_text()
     assert (good / "tests" / "reference" / "toy" / "01-line.quick.json").is_file()
 
