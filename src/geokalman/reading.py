@@ -46,7 +46,7 @@ _FOREIGN = {
 _DAMAGED = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, ValueError)  # bz2 raises OSError or ValueError
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _NO_EXPONENT_LETTER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d{3})")  # Fortran drops the letter of 1.5E-103
-_FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
+FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 
 
 class InputError(ValueError):
@@ -88,7 +88,7 @@ def number(text: str) -> float:
             value = float(plain)
         except ValueError:  # the rare forms are tried last: files have millions of numbers
             split = _NO_EXPONENT_LETTER.fullmatch(plain)
-            fortran = plain.upper().replace("D", "E") if _FORTRAN.fullmatch(plain) else ""
+            fortran = plain.upper().replace("D", "E") if FORTRAN.fullmatch(plain) else ""
             value = float(f"{split[1]}e{split[2]}" if split else fortran)
     except ValueError:
         cure = "; the decimal mark is a point" if re.fullmatch(r"[+-]?\d+,\d+", plain) else ""
@@ -209,8 +209,8 @@ def lines(
                     raise place.error(f"the line is longer than {MAX_LINE} characters; this is no text {what}.")
                 if "\0" in line:
                     raise place.error(f"a zero byte stands there; this is no text {what}.")
-                if "\ufeff" in line:  # byte order marks, also where files were put together
-                    line = line.replace("\ufeff", "")
+                if "\ufeff" in line or "\x1a" in line:  # byte order marks inside, and what ends a file of DOS
+                    line = line.replace("\ufeff", "").replace("\x1a", "")
                 yield place, _decoded(line) if keep_ends else _decoded(line).rstrip("\n")
         except InputError:
             raise
