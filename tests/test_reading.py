@@ -26,6 +26,7 @@ class OwnError(InputError):
         ("1.5-103", 1.5e-103),
         ("7.017765933D-11", 7.017765933e-11),
         ("1E5", 1e5),
+        ("\N{MINUS SIGN}1.5", -1.5),
     ],
 )
 def test_numbers_of_c_and_fortran(text, value):
@@ -111,6 +112,14 @@ def test_encodings_and_line_ends(tmp_path, encoding, mark, end):
         (b"\x1f\x9drest", "Unix compress"),
         (b"\x28\xb5\x2f\xfdrest", "zstd"),
         (bytes(257) + b"ustar", "tar archive"),
+        (gzip.compress(bytes(257) + b"ustar"), "tar archive"),
+        (gzip.compress(gzip.compress(b"x")), "compressed twice"),
+        (b"PK\x05\x06" + bytes(18), "zip archive"),
+        (lzma.compress(b"x", lzma.FORMAT_ALONE), "compressed by lzma"),
+        (b"\x89HDF\r\n", "HDF5 or netCDF file, not a gravity field"),
+        (b"CDF\x01", "netCDF file"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
+        (b'<?xml version="1.0"?><Error>', "XML document"),
         (b"\n<!DOCTYPE html><title>Log in</title>", "web page, not a gravity field"),
     ],
 )
@@ -154,3 +163,29 @@ def test_no_file_and_a_folder(tmp_path):
 def test_every_finite_float_survives():
     for value in (math.pi, 5e-324, 1.7976931348623157e308, -0.1):
         assert reading.number(repr(value)) == value
+
+
+def test_byte_order_marks_inside_a_file_are_no_text(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("\ufeff\ufeffa\n\ufeffb 1\n", encoding="utf-8")
+    assert [line for _, line in reading.lines(path)] == ["a", "b 1"]
+
+
+def test_a_broken_utf_16_is_one_sentence_without_codecs(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_bytes("a\nb\n".encode("utf-16")[:-1])
+    with pytest.raises(InputError, match="no UTF-16, as the byte order mark promises"):
+        list(reading.lines(path))
+
+
+def test_a_pipe_is_refused_before_it_loses_its_beginning(tmp_path):
+    with pytest.raises(InputError, match="pipe or a device"):
+        reading.read_bytes("/dev/null")
+
+
+def test_many_short_lines_are_counted_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(reading, "MAX_BYTES", 100)
+    path = tmp_path / "a.gz"
+    path.write_bytes(gzip.compress(b"x\n" * 1000))
+    with pytest.raises(InputError, match="holds more than"):
+        list(reading.lines(path))

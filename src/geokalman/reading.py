@@ -26,15 +26,27 @@ MAX_BYTES = 2 << 30
 _OPENERS = {b"\x1f\x8b": gzip.open, b"\xfd7zXZ\x00": lzma.open, b"BZh": bz2.open}
 _ARCHIVES = {
     b"PK\x03\x04": "a zip archive",
+    b"PK\x05\x06": "a zip archive",
     b"7z\xbc\xaf'\x1c": "a 7z archive",
     b"Rar!": "a rar archive",
     b"\x1f\x9d": "compressed by Unix compress (.Z)",
     b"\x28\xb5\x2f\xfd": "compressed by zstd",
+    b"\x04\x22\x4d\x18": "compressed by lz4",
+    b"LZIP": "compressed by lzip",
+    b"\x5d\x00\x00": "compressed by lzma",
+}
+_FOREIGN = {
+    b"\x89HDF": "an HDF5 or netCDF file",
+    **dict.fromkeys((b"CDF\1", b"CDF\2", b"CDF\5"), "a netCDF file"),
+    b"%PDF": "a PDF document",
+    b"\xd0\xcf\x11\xe0": "a document of an office program",
+    b"version https://git-lfs": "the pointer that Git LFS keeps in place of a file (git lfs pull fetches it)",
+    b"<?xml": "an XML document, as servers send in place of a file that they refuse",
 }
 _DAMAGED = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, ValueError)  # bz2 raises OSError or ValueError
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 _NO_EXPONENT_LETTER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))([+-]\d{3})")  # Fortran drops the letter of 1.5E-103
-_FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
+FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 
 
 class InputError(ValueError):
@@ -70,13 +82,13 @@ class Place(NamedTuple):
 
 def number(text: str) -> float:
     """A finite float as C or Fortran write it: 1.5e-3, 1.5D-03, 1.5-103. Raises ValueError in one sentence."""
-    plain = "" if "_" in text else text.strip()
+    plain = "" if "_" in text else text.strip().replace("\N{MINUS SIGN}", "-")
     try:
         try:
             value = float(plain)
         except ValueError:  # the rare forms are tried last: files have millions of numbers
             split = _NO_EXPONENT_LETTER.fullmatch(plain)
-            fortran = plain.upper().replace("D", "E") if _FORTRAN.fullmatch(plain) else ""
+            fortran = plain.upper().replace("D", "E") if FORTRAN.fullmatch(plain) else ""
             value = float(f"{split[1]}e{split[2]}" if split else fortran)
     except ValueError:
         cure = "; the decimal mark is a point" if re.fullmatch(r"[+-]?\d+,\d+", plain) else ""
@@ -108,11 +120,14 @@ def open_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputErro
     FileNotFoundError, IsADirectoryError, PermissionError
         There is no file, or it cannot be read.
     InputError
-        An archive that must be unpacked, or a web page in place of the data.
+        An archive that must be unpacked, another kind of file or a web page in place of the data, or a pipe.
     """
     path = Path(path)
+    place = Place(path, kind=kind)
     if path.is_dir():
         raise IsADirectoryError(f"{path} is a folder; give the path of a {what}.")
+    if path.exists() and not path.is_file():
+        raise place.error(f"this is a pipe or a device, of which only one reading is possible; save it as a {what}.")
     try:
         with open(path, "rb") as stream:
             head = stream.read(512)
@@ -120,7 +135,28 @@ def open_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputErro
         raise FileNotFoundError(f"No {what} at {path}.") from None
     except PermissionError:
         raise PermissionError(f"{path} may not be read; change its permissions.") from None
-    place = Place(path, kind=kind)
+    _require_data(head, what, place)
+    opener = next((opener for magic, opener in _OPENERS.items() if head.startswith(magic)), None)
+    if opener is None:
+        return open(path, "rb")
+    stream = opener(path, "rb")
+    try:
+        head = stream.read(512)
+        if head.startswith(tuple(_OPENERS)):
+            raise place.error(f"this is compressed twice; unpack it once and give the {what} inside.")
+        _require_data(head, what, place)
+        stream.seek(0)
+    except InputError:
+        stream.close()
+        raise
+    except (*_DAMAGED, OSError):  # said where it is read
+        stream.close()
+        stream = opener(path, "rb")
+    return stream
+
+
+def _require_data(head: bytes, what: str, place: Place) -> None:
+    """InputError where the first bytes of a file are those of an archive or of another kind of file."""
     for magic, name in _ARCHIVES.items():
         if head.startswith(magic):
             raise place.error(f"this is {name}; unpack it and give the {what} inside.")
@@ -128,10 +164,9 @@ def open_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputErro
         raise place.error(f"this is a tar archive; unpack it and give the {what} inside.")
     if re.match(rb"(\xef\xbb\xbf)?\s*<(!doctype html|html)", head, re.I):
         raise place.error(f"this is a web page, not a {what}; a log-in page is often saved in place of the data.")
-    for magic, opener in _OPENERS.items():
+    for magic, name in _FOREIGN.items():
         if head.startswith(magic):
-            return opener(path, "rb")
-    return open(path, "rb")
+            raise place.error(f"this is {name}, not a {what}.")
 
 
 def read_bytes(path: str | os.PathLike, what: str = "file", kind: type[InputError] = InputError) -> bytes:
@@ -157,7 +192,7 @@ def lines(
     Raises as `open_bytes`, and InputError for damage, for bytes that are no text, and for a line beyond `MAX_LINE`.
     """
     path = Path(path)
-    count = 0
+    count, size = 0, 0
     with open_bytes(path, what, kind) as raw:
         try:
             head = raw.read(4)
@@ -166,11 +201,16 @@ def lines(
             text = io.TextIOWrapper(raw, encoding=encoding, errors="surrogateescape")
             while line := text.readline(MAX_LINE + 1):
                 count += 1
+                size += len(line)
                 place = Place(path, count, kind)
+                if size > MAX_BYTES:
+                    raise kind(f"{path}: this holds more than {MAX_BYTES >> 30} GiB; split it.")
                 if len(line) > MAX_LINE:
                     raise place.error(f"the line is longer than {MAX_LINE} characters; this is no text {what}.")
                 if "\0" in line:
                     raise place.error(f"a zero byte stands there; this is no text {what}.")
+                if "\ufeff" in line or "\x1a" in line:  # byte order marks inside, and what ends a file of DOS
+                    line = line.replace("\ufeff", "").replace("\x1a", "")
                 yield place, _decoded(line) if keep_ends else _decoded(line).rstrip("\n")
         except InputError:
             raise
@@ -189,6 +229,8 @@ def _decoded(line: str) -> str:
 
 def _damaged(path: Path, kind: type[InputError], error: Exception, line: int = 0) -> InputError:
     after = f", after line {line}" if line else ""
+    if isinstance(error, UnicodeError):
+        return kind(f"{path}{after}: the bytes are no UTF-16, as the byte order mark promises; save it as UTF-8.")
     return kind(f"{path}{after}: the file is cut short or damaged ({str(error).rstrip('.')}); fetch it again.")
 
 

@@ -235,3 +235,8 @@ def test_a_definition_gives_names_widths_nulls_and_units(tmp_path):
         ("MGA_E", 1, 9, "-99999.9", "m"), ("", 1, 2, "", ""), ("WIND", 2, 8, "", "")
     ]  # fmt: skip
     assert others == set() and record[2].names == ["WIND[0]", "WIND[1]"]
+
+
+def test_a_decimal_comma_between_fixed_columns(survey_file):
+    path = survey_file(row=lambda line: line.replace(".", ","))
+    assert len(read.read_survey(path, read.KAURING).flights) == 1

@@ -486,3 +486,32 @@ def test_an_unknown_unit_and_a_row_without_a_line(table):
     table["LINE"][:] = np.nan
     with pytest.raises(ValueError, match="Row 1 of the data: this row carries no line number"):
         survey(table, KAURING)
+
+
+@pytest.mark.parametrize(("column", "value"), [("GPSZ", np.nan), ("GPSZ", -9999.0), ("FACOR", np.nan)])
+def test_where_no_piece_is_long_enough_the_null_that_cut_it_is_named(table, column, value):
+    short = cut(table, slice(0, 600))
+    short[column] = np.where(np.arange(600) == 300, value, short[column])
+    with pytest.raises(InputError, match=r"No line can be used: .* (height|FACOR) null at row 301 of the data"):
+        survey(short, KAURING)
+
+
+def test_a_negative_line_number_is_refused_by_row(table):
+    wrong = {**table, "LINE": np.where(np.arange(len(table["LINE"])) == 7, -9999.0, table["LINE"])}
+    with pytest.raises(InputError, match="[Rr]ow 8 of the data: the line number is -9999, and none is negative"):
+        survey(wrong, KAURING)
+
+
+def test_an_unknown_unit_is_said(table, tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, table)
+    path.write_text(path.read_text().replace("GPSZ", "GPSZ (cubits)", 1))
+    with pytest.warns(checks.SuspiciousData, match="gives GPSZ in cubits, which is no known unit"):
+        read.read_survey(path, KAURING)
+
+
+def test_the_mark_that_ends_files_of_dos_is_no_row(table, tmp_path):
+    path = tmp_path / "a.csv"
+    write_csv(path, table)
+    path.write_bytes(path.read_bytes() + b"\x1a")
+    assert len(read.read_survey(path, KAURING).flights) == 1

@@ -311,3 +311,39 @@ def test_a_folder_of_gzipped_files(folder, short):
         path.unlink()
     trip = flights.flight(Scenario(), 0, str(folder))
     np.testing.assert_array_equal(trip.r["C"], short.r["C"][[k for k, t in enumerate(short.t) if t in trip.t]])
+
+
+# --- what is written otherwise, and means the same ---
+
+
+def test_exponents_of_fortran(tmp_path):
+    path = attitude(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace(" 0.5", " 5.0D-01", 40))
+    np.testing.assert_array_equal(read(path)["quatangle"], 0.5)
+
+
+@pytest.mark.parametrize("end", ["# END OF YAML HEADER", "#End of YAML header"])
+def test_the_end_of_a_header_in_other_letters(tmp_path, end):
+    assert len(read(changed(attitude(tmp_path), END, end))) == 200
+
+
+def test_a_control_character_in_the_metadata(tmp_path):
+    assert len(read(changed(attitude(tmp_path), "title: ", "title: \x07"))) == 200
+
+
+@pytest.mark.parametrize("epoch", ["1980/01/06 00:00:00", "1980-01-06  00:00:00", "6 Jan 1980"])
+def test_an_epoch_in_another_form_is_no_licence(tmp_path, epoch):
+    path = changed(attitude(tmp_path), "2000-01-01T12:00:00.00", epoch)
+    with pytest.raises(Level1Error, match="times count from .*1980"):
+        read(path)
+
+
+def test_the_older_layout_in_utc_is_refused(tmp_path):
+    text = (FIXTURES / "SCA1B_2003-09-14_A_00.asc").read_text()
+    path = tmp_path / "SCA1B_2003-09-14_A_00.asc"
+    path.write_text(text.replace("TIME EPOCH (GPS TIME)", "TIME EPOCH (UTC)"))
+    with pytest.raises(Level1Error, match="line 8: TIME EPOCH .UTC.: times in GPS are needed"):
+        read_grace(path)
+    path.write_text(text.replace("END OF HEADER", "End of header"))
+    assert len(read_grace(path)) == 6

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import shutil
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pytest
 from filelock import FileLock
 
 from geokalman.files import project_root
-from geokalman.reproduce import execute, reference
+from geokalman.reproduce import execute, notebooks, parameters, reference
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)
@@ -69,10 +70,39 @@ def browser(chromium: str) -> Iterator:
 
 
 @pytest.fixture(scope="session")
-def run_notebook(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+def run_here() -> Callable[..., Path]:
+    """Execute a notebook in this process, without the start of a kernel: for its numbers with other parameters.
+
+    Called with (paper, name, out, quick=True, **parameters); gives the run folder, or raises what a cell raises.
+    """
+    root = project_root(Path(__file__).parent)
+
+    def executed(paper: str, name: str, out: Path, quick: bool = True, **given) -> Path:
+        source = notebooks.read(root, f"{paper}/{name}")
+        specification = parameters.specification(source, f"{paper}/{name}")
+        values = (dict(specification.quick) if quick else {}) | specification.check(given)
+        namespace: dict = {"__name__": "__main__"}
+        with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+            warnings.simplefilter("default")  # as in a kernel
+            patch.setenv("GEOKALMAN_ROOT", str(root))
+            patch.setenv("GEOKALMAN_OUT", str(out))
+            patch.chdir(root / "book" / paper)
+            for cell in source.cells:
+                if cell.cell_type == "code":
+                    exec(compile(cell.source, f"{paper}/{name}", "exec"), namespace)
+                    if "parameters" in cell.metadata.get("tags", []):
+                        namespace.update(values)
+        return out
+
+    return executed
+
+
+@pytest.fixture(scope="session")
+def run_notebook(tmp_path_factory: pytest.TempPathFactory, run_here) -> Callable[..., Path]:
     """The run folder of a notebook of the book, executed on first use, once for all workers of xdist.
 
-    Called with (paper, name, label="quick", quick=True, **parameters); a label names one choice of parameters.
+    Called with (paper, name, label="quick", quick=True, **parameters); a label names one choice of parameters, which
+    is executed in this process.
     """
     root = project_root(Path(__file__).parent)
     base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
@@ -83,7 +113,9 @@ def run_notebook(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
         out = folder / f"{name}-{label}"
         with FileLock(folder / f"{name}-{label}.lock"):
             if not (out / "provenance.json").is_file():
-                execute.run(root, f"{paper}/{name}", given, out=out, quick=quick, page=False, threads=1)
+                if given:
+                    return run_here(paper, name, out, quick, **given)
+                execute.run(root, f"{paper}/{name}", out=out, quick=quick, page=False, threads=1)
         return out
 
     return executed

@@ -61,7 +61,7 @@ def test_the_joint_quick_run_beats_the_line_product_with_a_coarse_field(run):
     assert metrics["test.grid"]["value"] == pytest.approx(0.455, abs=0.001)
 
 
-def test_a_file_of_ones_own_gives_the_same_numbers(run, tmp_path):
+def test_a_file_of_ones_own_gives_the_same_numbers(run, run_here, tmp_path):
     table = tables.read_table(data_path("kauring_2012.xz"))
     rows = np.isin(table["LINE"], [104000, 104100])
     lines = [",".join(HEADER)] + [
@@ -69,7 +69,7 @@ def test_a_file_of_ones_own_gives_the_same_numbers(run, tmp_path):
     ]
     (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
     given = {"data": str(tmp_path / "own.csv"), "lines": [104100]}
-    execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)
+    run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, **given)
     ours, vendored = reference.read_run(tmp_path / "out")[1], reference.read_run(run("08-kauring"))[1]
     for key in ("vs_ground.fb.line104100", "vs_contractor.forward.line104100", "offset.fb.line104100"):
         assert ours[key]["value"] == pytest.approx(vendored[key]["value"], abs=1e-6)
@@ -97,7 +97,7 @@ def test_an_aliased_line_gets_a_larger_R_and_the_page_says_so(tmp_path):
     assert "R is 0.15 m on the lines whose specific force is aliased (1 in the file), 0.02 m on all others." in told
 
 
-def test_a_file_without_truth_is_estimated_and_not_judged(tmp_path):
+def test_a_file_without_truth_is_estimated_and_not_judged(run_here, tmp_path):
     table = tables.read_table(data_path("kauring_2012.xz"))
     rows, bare = table["LINE"] == 104100, [name for name in HEADER if name not in ("GND_FA", "FRA100", "FRAL100")]
     lines = [",".join(bare)] + [
@@ -105,7 +105,7 @@ def test_a_file_without_truth_is_estimated_and_not_judged(tmp_path):
     ]
     (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
     given = {"data": str(tmp_path / "own.csv"), "lines": [104100]}
-    execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)
+    run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, **given)
     told, metrics, _ = reference.read_run(tmp_path / "out")
     assert metrics["all.lines"]["value"] == 1 and not any(key.startswith("vs_") for key in metrics)
     assert told["figures"] == ["a08-lines"]
@@ -132,9 +132,9 @@ def test_errata_that_are_about_numbers(run):
         assert raw**2 == pytest.approx(A**2 + centred**2, rel=1e-9)
 
 
-def test_the_steady_states_are_callable(tmp_path):
+def test_the_steady_states_are_callable(run_here, tmp_path):
     given = {"L_km": 15.0, "sigma_mgal": 25.0, "R_m": 0.005, "q_f": 3.0, "V": 80.0, "dt": 0.5}
-    execute.run(ROOT, f"{PAPER}/03-gm3", given, out=tmp_path / "out", page=False, threads=1)
+    run_here(PAPER, "03-gm3", tmp_path / "out", quick=False, **given)
     metrics = reference.read_run(tmp_path / "out")[1]
     assert metrics["steady.forward_sd"]["value"] == pytest.approx(2.3735, rel=1e-3)
     assert metrics["steady.smoother_sd"]["value"] == pytest.approx(0.5140, rel=1e-3)

@@ -63,9 +63,9 @@ def test_the_parameters_of_the_contract():
 
 
 @pytest.mark.parametrize("name", ["07-acceleration", "11-gaps"])
-def test_both_satellites_count(run, tmp_path, name):
+def test_both_satellites_count(run, run_here, tmp_path, name):
     given = {"satellite": "both"} | ({"gaps_s": [60.0]} if name == "11-gaps" else {})
-    folder = execute.run(ROOT, f"{PAPER}/{name}", given, out=tmp_path / "both", quick=True, page=False, threads=1)
+    folder = run_here(PAPER, name, tmp_path / "both", **given)
     one, both = (reference.read_run(x)[1] for x in (run(name), folder))
     key = "offset.std.x" if name == "07-acceleration" else "gap.60.error_rms"
     assert one[key]["value"] != both[key]["value"]
@@ -115,10 +115,8 @@ def day(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)
-def test_every_notebook_takes_files(day, tmp_path, name):
-    folder = execute.run(
-        ROOT, f"{PAPER}/{name}", {"data_dir": str(day)}, out=tmp_path / "out", quick=True, page=False, threads=1
-    )
+def test_every_notebook_takes_files(run_here, day, tmp_path, name):
+    folder = run_here(PAPER, name, tmp_path / "out", data_dir=str(day))
     assert reference.read_run(folder)[1]
 
 

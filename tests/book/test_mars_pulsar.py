@@ -77,7 +77,7 @@ def test_the_parameters_of_the_contract():
 
 
 @pytest.mark.parametrize("preset", list("ABCD"))
-def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
+def test_table_3_runs_with_every_preset_and_other_settings(run_here, tmp_path, preset):
     given = {
         "preset": preset,
         "filters": ["ekf", "ukf", "ekf_tuned"],
@@ -87,17 +87,17 @@ def test_table_3_runs_with_every_preset_and_other_settings(tmp_path, preset):
         "raan_deg": 75.0,
         "q_pos_m": 20.0,
     }
-    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / preset, page=False, threads=1)
+    folder = run_here(PAPER, "05-table3", tmp_path / preset, quick=False, **given)
     metrics = reference.read_run(folder)[1]
     assert ("table3.ekf_tuned.rms.x" in metrics) == (preset == "C")
     assert metrics["table3.ukf.rms.3d"]["value"] > 0
 
 
-def test_a_filter_that_diverges_is_recorded(tmp_path):
+def test_a_filter_that_diverges_is_recorded(run_here, tmp_path):
     given = {
         "preset": "B", "substeps": 1, "allow_coarse_substeps": True, "n_seeds": 1, "filters": ["ekf", "aekf1_pr3"],
     }  # fmt: skip
-    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / "coarse", page=False, threads=1)
+    folder = run_here(PAPER, "05-table3", tmp_path / "coarse", quick=False, **given)
     assert reference.read_run(folder)[1]["table3.ekf.diverged"]["value"] == 1
 
 

@@ -21,8 +21,13 @@ def run(tmp_path: Path) -> Path:
     folder = tmp_path / "runs" / toybook.PAGE
     toybook.run(folder)
     np.savez(folder / "arrays.npz")
-    (folder / "provenance.json").write_text(json.dumps({"notebook": toybook.PAGE, "figures": ["wave"]}))
+    write_provenance(folder, ["wave"])
     return folder
+
+
+def write_provenance(folder: Path, figures: list[str]) -> None:
+    record = {"notebook": toybook.PAGE, "mode": "quick", "parameters": {}, "arrays": {}, "figures": figures}
+    (folder / "provenance.json").write_text(json.dumps(record))
 
 
 @pytest.mark.parametrize(
@@ -32,7 +37,7 @@ def run(tmp_path: Path) -> Path:
         (lambda figures: (figures / "wave.light.png").write_bytes(b""), "wave is not drawn twice"),
         (lambda figures: (figures / "wave.csv").write_text("t_s,h_m\n"), "wave has no table"),
         (lambda figures: (figures / "wave.csv").write_text("t_s,h_m\n1,2\n3\n"), "wave has no table"),
-        (lambda figures: (figures.parent / "provenance.json").write_text('{"figures": []}'), "no figure"),
+        (lambda figures: write_provenance(figures.parent, []), "no figure"),
     ],
 )
 def test_a_figure_that_is_not_whole_is_seen(run: Path, assert_drawn, spoil, words: str) -> None:

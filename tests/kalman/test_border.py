@@ -81,6 +81,31 @@ class Time:
     jd1, jd2 = 2456658.5, 0.0
 
 
+class TimeDelta:
+    """As astropy's TimeDelta."""
+
+    jd1, jd2 = 0.0, 0.5
+
+
+class UnitFloat(float):
+    """As units on single numbers may come."""
+
+    unit = "km"
+
+
+class NoUnit(Measured):
+    """Where one of the two names of a unit is there and empty."""
+
+    unit = None
+
+
+class Elsewhere:
+    """As an array on another device."""
+
+    def __array__(self, dtype=None, copy=None):
+        raise TypeError("on another device")
+
+
 DAY = datetime.datetime(2013, 5, 7)
 
 
@@ -106,6 +131,13 @@ DAY = datetime.datetime(2013, 5, 7)
         (np.array([b"1.0"]), "holds text"),
         (np.array([1.0, "x"], object), "holds text"),
         (sparse.eye_array(2), "is a sparse matrix"),
+        (MA([1.0, 99999.0], [False, True], dtype=object), "v is masked or missing"),
+        ([UnitFloat(1.5)], "carries the unit km"),
+        (NoUnit([1.0], "km"), "carries the unit km"),
+        (bytearray(b"1.0"), "holds text"),
+        (np.array(np.timedelta64(1, "s"), object), "time spans"),
+        (TimeDelta(), "time spans"),
+        (Elsewhere(), "of which numpy makes no array"),
         ({"a": 1.0}, "no numbers but a dict"),
         ((float(i) for i in range(3)), "no numbers but a generator"),
         (Decimal("0.1"), "no numbers but a Decimal"),
@@ -136,6 +168,8 @@ def test_no_coercion_drops_meaning(value, says):
         ([MA([1.0, 2.0], [True, False]), [3.0, np.ma.masked]], [[np.nan, 2.0], [3.0, np.nan]]),
         ([1.0, None, 3], [1.0, np.nan, 3.0]),
         (np.array([1.0, None], object), [1.0, np.nan]),
+        (MA([1.0, 99999.0], [False, True], dtype=object), [1.0, np.nan]),
+        (np.array(Fraction(1, 2), object), 0.5),
         (Masked([1.0, 2.0], [True, False]), [np.nan, 2.0]),
     ],
 )
@@ -328,3 +362,34 @@ def test_a_masked_observation_is_a_missing_one(call):
 def test_a_trajectory_that_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"cov of a trajectory has the shape \(6, 3, 3\), with 6 epochs of 2 states"):
         replace(COURSE, cov=np.zeros((N, 3, 3)))
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: integrated_white_noise(2.5, 1.0, 1.0), "order = 2.5: it must be a whole number"),
+        (lambda: integrated_white_noise(2, 1.0, 1.0, "3"), "axes holds text"),
+        (lambda: gauss_markov(1.0, 2.0, 3.0, True), "order holds truth values"),
+        (lambda: whiteness(np.ones((9, 1)), None), "lags is masked or missing"),
+        (lambda: chi_square_bounds([1.0], "0.9"), "probability holds text"),
+        (lambda: chi_square_bounds([1.0, -2.0]), "dof holds -2"),
+        (lambda: chi_square_bounds([1.0, np.nan]), "dof holds nan"),
+        (lambda: nis([[np.inf]]), "infinite"),
+        (lambda: unscented.spread(2, "1", 2.0, 0.0), "alpha holds text"),
+        (lambda: robust_update(gaussian([0.0], [1.0]), [1.0], [[1.0]], [[1.0]], k0=True), "k0 holds truth values"),
+        (lambda: filter_linear(gaussian([0.0], [1.0]), [0.0], [[1.0]], [[1.0]], [[1.0]], None), "transition is a None"),
+    ],
+)
+def test_settings_carry_no_more_than_numbers_either(call, says):
+    with pytest.raises(ValueError, match=says):
+        call()
+
+
+@pytest.mark.parametrize("change", [lambda s: s + 9, lambda s: s + 0.5, lambda s: s - 1, lambda s: s.astype(bool)])
+def test_the_steps_of_a_trajectory_are_indices(change):
+    model = (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2))
+    prior = gaussian(np.zeros(2), np.ones(2))
+    course = filter_linear(prior, np.arange(3.0), np.zeros((3, 1)), [[1.0, 0.0]], [[1.0]], model)
+    assert replace(course, step=course.step.astype(float)).step.dtype == np.int64
+    with pytest.raises(ValueError, match="step"):
+        replace(course, step=change(course.step))

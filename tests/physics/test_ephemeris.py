@@ -289,3 +289,18 @@ def test_an_excerpt_stays_inside():
     assert len(segment.excerpt(12.0, 31.0).coefficients) == 3
     with pytest.raises(ValueError, match="not inside"):
         segment.excerpt(-1.0, 20.0)
+
+
+def test_a_segment_of_no_length_is_passed_over(tmp_path):
+    moment = replace(SUN, valid=(SECONDS, SECONDS))
+    e = load_ephemeris(write_spk(tmp_path / "a.bsp", [SUN, moment]))
+    np.testing.assert_allclose(e.position("sun", JD + 1), load_ephemeris().position("sun", JD + 1), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("factor", "words"), [(3.0, r"jumps by .* between records [23] and [34]"), (0.0, "record 3")])
+def test_a_single_damaged_record_is_found(tmp_path, factor, words):
+    mars = next(s for s in load_ephemeris().segments if s.target == 4)
+    wrong = mars.coefficients.copy()
+    wrong[2] *= factor
+    with pytest.raises(SpkError, match=words):
+        load_ephemeris(write_spk(tmp_path / "a.bsp", [replace(mars, coefficients=wrong)]))

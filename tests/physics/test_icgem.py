@@ -510,3 +510,16 @@ def test_failed_writing_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="disk full"):
         write_gfc(load_field("EGM96", 3), tmp_path / "x.gfc")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("key", ["norm", "normalization", "\ufeffnorm"])
+def test_the_norm_is_honoured_however_its_key_is_written(tmp_path, key):
+    field = read_gfc(gfc(tmp_path, **{"norm": None, key: "unnormalized"}))
+    assert field.C[2, 0] == pytest.approx(-4.8e-4 / math.sqrt(5.0))
+
+
+@pytest.mark.parametrize("gm", ["moon_gravity_constant", "GM", "planet_gravity_constant"])
+def test_other_names_of_gm_and_radius(tmp_path, gm):
+    keys = {"earth_gravity_constant": None, "radius": None, gm: "4e14", "reference_radius": "6378137"}
+    field = read_gfc(gfc(tmp_path, **keys))
+    assert (field.gm, field.radius) == (4e14, 6378137.0)

@@ -1,5 +1,7 @@
 """Time scales against the tables of ERFA and the calendar."""
 
+import datetime
+
 import erfa
 import pytest
 
@@ -119,3 +121,17 @@ def test_what_does_not_exist_or_is_another_scale_is_refused(text):
 def test_outside_the_known_leap_seconds_there_is_no_answer(mjd):
     with pytest.raises(ValueError, match="where leap seconds are known"):
         tai_minus_utc(mjd)
+
+
+@pytest.mark.parametrize(
+    "epoch", [(56419, float("nan")), (56419, float("inf")), (56419, 1e15), (56419.5, 0.0), (10**9, 0.0), (-(10**9), 0)]
+)
+def test_what_is_no_epoch_is_not_written_as_one(epoch):
+    with pytest.raises(ValueError, match=r"no epoch|years 1 to 9999"):
+        timescales.iso_utc(*epoch)
+
+
+@pytest.mark.parametrize("value", [None, datetime.datetime(2013, 5, 7)])
+def test_an_epoch_is_text(value):
+    with pytest.raises(ValueError, match="write it as text"):
+        timescales.parse_utc(value)

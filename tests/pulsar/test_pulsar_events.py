@@ -257,3 +257,54 @@ def test_the_table_of_events_is_found_among_others(fits_file):
             read_events(fits_file((header, columns)))
     with pytest.raises(FitsError, match=r"its tables: none"):
         read_events(fits_file())
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ({"MJDREFF": 60.184}, "MJDREFF = 60.184; a part of a day"),
+        ({"MJDREFF": -0.5}, "MJDREFF = -0.5; a part of a day"),
+        ({"TSCAL1": 0.0}, "TSCAL1 = 0, which makes all rows the same"),
+        ({"TIMEDEL": 1.0, "TIMEPIXR": 7.0}, "TIMEPIXR = 7; a positive step, a part of 0 to 1"),
+        ({"TIMEDEL": -1.0}, "TIMEDEL = -1 s"),
+        ({"MJDREFI": None, "MJDREFF": None, "DATEREF": "1994"}, "DATEREF = 1994; a date as"),
+    ],
+)
+def test_keywords_of_time_that_cannot_be_are_refused(fits_file, header, words):
+    with pytest.raises(FitsError, match=words):
+        read_events(fits_file((GOOD | header, times())))
+
+
+@pytest.mark.parametrize(
+    ("header", "first"),
+    [
+        ({"MJDREFI": None, "MJDREFF": None, "DATEREF": "1994-01-01T00:00:00"}, 49353.0 + 103.5 / 86400),
+        ({"MJDREFF": None, "MJDREF": 49353.25}, 49353.25 + 103.5 / 86400),
+    ],
+)
+def test_an_absent_keyword_has_its_default(fits_file, header, first):
+    assert read_events(fits_file((GOOD | header, times()))).mjd == pytest.approx(first, abs=JD)
+
+
+def test_intervals_without_a_reference_have_that_of_the_events(fits_file):
+    bare = dict.fromkeys(("MJDREFI", "MJDREFF", "TIMEZERO", "TIMESYS", "TIMEUNIT"))
+    assert read_events(fits_file((GOOD, times()), gti((99.0, 105.0), header=bare))).exposure == 6.0
+
+
+@pytest.mark.parametrize("copies", [2, 3])
+def test_a_list_merged_with_itself_is_taken_once(fits_file, copies):
+    t = np.tile(np.arange(40.0) + 100.0, copies)
+    with pytest.warns(FitsWarning, match="twice|several times"):
+        assert len(read_events(fits_file((GOOD, times(t)))).t) == 40
+
+
+@pytest.mark.parametrize(("phase", "words"), [(np.nan, "null or not finite in row 2"), (-999.0, "-999 in row 2")])
+def test_phases_that_are_null_are_refused_by_row(fits_file, phase, words):
+    columns = [*times(), ("PULSE_PHASE", "D", np.array([0.1, phase, 0.3]).astype(">f8"))]
+    with pytest.raises(FitsError, match=f"PULSE_PHASE (is|has) {words}"):
+        read_events(fits_file((GOOD, columns)))
+
+
+def test_one_time_for_all_photons_is_refused(fits_file):
+    with pytest.raises(FitsError, match="column TIME has 0 in all 3 rows"):
+        read_events(fits_file((GOOD, times([0.0, 0.0, 0.0]))))

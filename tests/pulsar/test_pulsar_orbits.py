@@ -259,3 +259,11 @@ def test_an_orbit_of_another_day_names_both_days(hour):
         )
         with pytest.raises(ValueError, match=match):
             orbit.position(np.array([at]), orbit.jd)
+
+
+@pytest.mark.parametrize("null", [0.0, -9999.0])
+def test_a_time_that_is_null_is_refused_by_row(fits_file, hour, null):
+    columns = xyz(*hour)
+    columns[0][2][5] = null
+    with pytest.raises(FitsError, match=f"column (Time|TIME) has {null:g} s in row 6, a null value"):
+        read_orbit(fits_file((HEAD, columns)))

@@ -203,3 +203,30 @@ def test_damaged_files_give_a_pulsar_or_one_sentence(par_file):
             refused += 1
             assert "\n" not in str(error)
     assert 50 < refused < 450
+
+
+@pytest.mark.parametrize("line", ["EPHVER 5", "EPHVER TEMPO2"])
+def test_tempo2_without_units_counts_in_tcb(par_file, line):
+    with pytest.warns(ParWarning, match=f"line 7: {line}: .* turned from TCB"):
+        par = read_par(par_file(GOOD + line + "\n"))
+    with pytest.warns(ParWarning, match="UNITS TCB"):
+        wanted = read_par(par_file(GOOD + "UNITS TCB\n"))
+    assert par_frequency(par, 0.0, 2455000.5) == par_frequency(wanted, 0.0, 2455000.5)
+
+
+@pytest.mark.parametrize("more", ["EPHVER 2\n", "EPHVER 5\nUNITS TDB\n", "F0 6.59570\n", "EQUINOX J2000\n"])
+def test_what_changes_no_value_is_read_without_a_word(par_file, more):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        par = read_par(par_file(GOOD + more))
+    assert par_frequency(par, 0.0, 2455577.1) == pytest.approx(6.5957, abs=1e-9)
+
+
+def test_another_equinox_is_refused(par_file):
+    with pytest.raises(ParError, match="line 7: EQUINOX B1950: a position of J2000 is needed"):
+        read_par(par_file(GOOD + "EQUINOX B1950\n"))
+
+
+def test_no_proper_motion_needs_no_epoch(par_file):
+    par = read_par(par_file("RAJ 15:13:55.52\nDECJ -59:08:09.0\nF0 6.5957\nPMRA 0\nPMDEC 0.0\n"))
+    assert degrees(par_direction(par, 55000.0)) == pytest.approx(POSITION)

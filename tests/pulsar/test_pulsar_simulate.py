@@ -191,3 +191,12 @@ def test_the_integrated_transition_matrix_is_better(day):
 def test_runge_kutta_errors_of_the_specification(day):
     found = [linearise.step_error(day.force, day.flight.x0, h) for h in (5.0, 10.0, 25.0, 50.0, 100.0)]
     np.testing.assert_allclose(found, [6e-6, 9e-5, 3.5e-3, 0.057, 0.93], rtol=0.08)
+
+
+def test_a_masked_range_is_a_missing_one(day):
+    data = day.data
+    mask = np.arange(data.z.size).reshape(data.z.shape) == 3
+    taken = Observations(data.t, np.ma.masked_array(np.where(mask, 99999.0, data.z), mask), data.H, data.variance)
+    assert np.array_equal(np.isnan(taken.z), mask)
+    with pytest.raises(ValueError, match="z holds complex numbers"):
+        Observations(data.t, data.z + 0j, data.H, data.variance)

@@ -130,3 +130,46 @@ def test_a_correlated_prior_is_a_prior(drawn):
     P = drawn[1].prior_cov.copy()
     P[0, 3] = P[3, 0] = 0.5 * np.sqrt(P[0, 0] * P[3, 3])
     check_prior(drawn[1].prior_mean, P)
+
+
+def masked(values, k):
+    return np.ma.masked_array(values, np.arange(len(values)) == k)
+
+
+@pytest.mark.parametrize("name", ["range", "rate"])
+def test_a_masked_measurement_is_a_missing_one(drawn, name):
+    data = changed(drawn[1], **{name: masked(with_value(getattr(drawn[1], name), 3, 99999.0), 3)})
+    assert np.isnan(getattr(data, name)[3]) and np.isfinite(getattr(data, name)[4])
+    assert changed(drawn[1], **{name: getattr(drawn[1], name).tolist()}).range.dtype == float
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda d: {"t": masked(d.t, 3)}, r"t\[3\] is masked"),
+        (lambda d: {"t": d.t.astype("m8[s]")}, "t holds time spans"),
+        (lambda d: {"range": d.range + 0j}, "range holds complex numbers"),
+        (lambda d: {"rate": d.rate.astype(str)}, "rate holds text"),
+        (lambda d: {"range": None}, "range has shape"),
+        (lambda d: {"prior_cov": np.ma.masked_array(d.prior_cov, np.eye(6) > 0)}, "prior_cov.* is masked"),
+        (lambda d: {"range": with_value(d.range, 3, -9999.0)}, "range at index 3 is -9999 m, a null or not between"),
+        (lambda d: {"range": with_value(d.range, 3, 0.0)}, "range at index 3 is 0 m"),
+        (lambda d: {"range": with_value(d.range, 3, 1e32)}, "range at index 3 is 1e.32 m"),
+        (lambda d: {"rate": with_value(d.rate, 3, -99999.0)}, "rate at index 3 is -99999 m/s"),
+        (lambda d: {"rate": with_value(d.rate, 3, -9999.0)}, "rate at index 3 is -9999 m/s"),
+        (lambda d: {"station": d.station + 99}, "station at index 0 is .*, an index into the"),
+        (lambda d: {"station": d.station - 9}, "station at index 0 is .*, an index into the"),
+        (lambda d: {"arc": d.arc + 0.5}, "arc holds numbers that are not whole"),
+        (lambda d: {"day": 2456419}, "day = 2456419 is no modified Julian date"),
+        (lambda d: {"day": "2013-05-07"}, "day holds text"),
+        (lambda d: {"rate": d.rate + 1e3}, "check the units and the times of both"),
+    ],
+)
+def test_data_carry_numbers_and_no_nulls(drawn, make, words):
+    with pytest.raises(ValueError, match=words):
+        changed(drawn[1], **make(drawn[1]))
+
+
+def test_levels_are_numbers():
+    with pytest.raises(ValueError, match="sigma_range holds text"):
+        Levels(sigma_range="10")

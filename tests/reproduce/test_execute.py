@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -300,10 +301,12 @@ def test_a_long_loop_tells_its_share_while_it_runs(toy):
             execute.run, toy, "toy/02-constant", out=toy / "out", progress=lambda cell, cells, path: reported.append(path)
         )
         report: dict = {}
-        while report.get("share") != 0.25 and not task.done():
-            report = reports.read(reported[-1]) if reported else {}
-            time.sleep(0.05)
-        (toy / "seen").touch()
+        try:
+            while report.get("share") != 0.25 and not task.done():
+                report = reports.read(reported[-1]) if reported else {}
+                time.sleep(0.05)
+        finally:
+            (toy / "seen").touch()
         task.result()
     assert (report["what"], report["share"], report["left"] > 0) == ("orbits", 0.25, True)
     assert report["expected"] == "may take about 10 min, less where results of earlier runs are kept"
@@ -312,7 +315,7 @@ def test_a_long_loop_tells_its_share_while_it_runs(toy):
 
 @pytest.mark.parametrize("code, why", [
     ("raise MemoryError", "cell [3]: memory ran out; give smaller sizes."),
-    ("import numpy as np; np.zeros(2**61)", "cell [3]: memory ran out (Unable to allocate "),
+    ("import numpy as np; np.zeros(2**55)", "cell [3]: memory ran out (Unable to allocate "),
 ])  # fmt: skip
 def test_memory_that_runs_out_is_one_sentence(toy, code, why):
     edit_constant(toy, code)

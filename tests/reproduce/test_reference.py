@@ -91,13 +91,13 @@ def test_no_run_and_no_readable_reference(stored):
 def test_an_earlier_tolerance_holds_until_a_spread_is_stored(stored, new_run):
     path = reference.path_of(stored, "toy/01-line", "paper")
     path.write_text(path.read_text().replace('"m", "spread": 0.0', '"m", "rel": 0.1', 1))
-    moved = NUMBERS | {"a": {"value": 1.05, "unit": "m"}}
+    moved = NUMBERS | {"a": {"value": 1.0005, "unit": "m"}}
     assert problems(stored, new_run(stored / "other", moved)) == {}
     assert problems(stored, new_run(stored / "third", NUMBERS | {"a": {"value": 1.2, "unit": "m"}})) == {
         "a": "beyond rel 0.1"
     }
     renewal.store(stored, {"native": stored / "other"})
-    assert reference.load(stored, "toy/01-line", "paper")[0]["a"] == {"value": 1.0, "unit": "m", "spread": 1.05 - 1.0}
+    assert reference.load(stored, "toy/01-line", "paper")[0]["a"] == {"value": 1.0, "unit": "m", "spread": 1.0005 - 1.0}
 
 
 ANCHORS = """
@@ -158,7 +158,7 @@ def good(built, tmp_path_factory, geokalman):
 def test_check_of_a_good_book(good, geokalman):
     done = geokalman(good, "check")
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "3 stored numbers, 2 anchors, 2 claims: 0 problems\n"
+    assert done.stdout == "3 stored numbers, 2 anchors, 2 claims (1 near a threshold): 0 problems\n"
     assert "the first ones" in (good / "CHANGELOG.md").read_text()
     assert (good / "tests" / "reference" / "toy" / "01-line.quick.json").is_file()
 

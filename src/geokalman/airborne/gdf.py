@@ -173,7 +173,7 @@ def _add(table: Table, name: str, words: Sequence[str], field: Field) -> None:
     """Add a column; the null that is declared for it becomes NaN, as a word or by its value."""
     if field.null and not is_value(field.null):
         words = ["" if word.strip() == field.null else word for word in words]
-    table.add(name, words)
+    table.add(name, words, comma=True)
     if is_number(field.null) and name not in table.texts:
         table[name][np.abs(table[name] - number(field.null)) <= field.precision] = np.nan
     if field.unit:

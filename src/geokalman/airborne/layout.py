@@ -28,6 +28,7 @@ UNITS = {
 NEEDED = ("line", "t", "lon", "lat", "easting", "northing", "height", "f3")
 OPTIONAL = ("a_up", "raw", "f1", "f2")
 KINDS = ("latitude", "eotvos", "free_air")
+_NO_UNIT = ("", "none", "unitless", "n/a", "na", "null")
 _DIMENSION = {
     "line": "none", "t": "time", "lon": "angle", "lat": "angle", "easting": "length", "northing": "length",
     "height": "length",
@@ -94,8 +95,8 @@ class Layout:
         references = {ours: column for ours, column in self.references.items() if column in table}
         return replace(self, columns=there, references=references), notes
 
-    def factors(self, table: Table) -> tuple[dict[str, float], list[str]]:
-        """Factor of each column to mGal, metres, seconds or degrees, and columns whose unit is of another kind.
+    def factors(self, table: Table) -> tuple[dict[str, float], list[str], list[str]]:
+        """Factor of each column to mGal, metres, seconds or degrees; columns whose unit is of another kind, or unknown.
 
         The unit is the file's own where the file gives one that is known, else that of the layout.
         """
@@ -103,6 +104,8 @@ class Layout:
         dimension |= {column: _DIMENSION.get(ours, "acceleration") for ours, column in self.columns.items()}
         usual = {"acceleration": IN_MGAL[self.acceleration]}
         out, odd = {}, []
+        unknown = [f"{column} in {unit}" for column in dimension if not _known(unit := table.units.get(column, ""))
+                   and dimension[column] != "none" and unit.strip(" ()[]-").lower() not in _NO_UNIT]
         for column, what in dimension.items():
             out[column] = IN_METRES[self.height] if column == self.columns["height"] else usual.get(what, 1.0)
             found = _known(table.units.get(column, ""))
@@ -110,7 +113,7 @@ class Layout:
                 out[column] = found[what]
             elif found and what != "none":
                 odd.append(f"{column} in {table.units[column]}")
-        return out, odd
+        return out, odd, unknown
 
 
 def is_unit(word: str) -> bool:

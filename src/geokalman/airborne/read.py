@@ -178,7 +178,9 @@ def survey(table: Mapping[str, Array], layout: Layout, shortest: float = SHORTES
 
 def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
     layout, notes = layout.fitted(table)
-    factors, odd = layout.factors(table)
+    factors, odd, unknown = layout.factors(table)
+    if unknown:
+        notes.append(f"the file gives {_some(unknown)}, which is no known unit; that of the layout is taken")
     if odd:
         notes.append(f"the file gives {_some(odd)}, which cannot be; these units are left aside")
     sources = {**layout.columns, **{column: column for column in layout.corrections}, **layout.references}
@@ -233,7 +235,7 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
             notes.append(f"{key} is null or one value in all rows of {len(empty)} lines ({_some(empty)}): none there")
             flights = [_without(f, key) if f.name in empty else f for f in flights]
     if not flights:
-        raise InputError(f"No line can be used: {_some(refused, '; ')}.")
+        raise InputError(f"No line can be used: {_some([*refused, *notes], '; ')}.")
     if swapped:
         notes.append(f"latitude and longitude are swapped on {len(swapped)} lines ({_some(swapped)}); put right")
     if aliased:
@@ -270,6 +272,9 @@ def _blocks(table: Table, labels: Array, channels: Mapping[str, Array]) -> tuple
     """Rows of each flight of each line, and notes: interleaved lines are taken apart, doubled flights taken once."""
     if not np.isfinite(labels).all():
         raise table.error("this row carries no line number.", int(np.argmin(np.isfinite(labels))))
+    if (labels < 0.0).any():
+        row = int(np.argmax(labels < 0.0))
+        raise table.error(f"the line number is {_label(labels[row])}, and none is negative.", row)
     notes = []
     starts = np.unique([*(np.flatnonzero(np.diff(labels) != 0) + 1), *table.starts])
     blocks = [rows for rows in np.split(np.arange(len(labels)), starts.astype(int)) if rows.size]

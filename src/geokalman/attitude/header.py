@@ -20,6 +20,8 @@ NAME = re.compile(
     r"^(?P<product>[A-Z0-9]{5})_(?P<date>\d{4}-\d{2}-\d{2})_(?P<satellite>[A-Z])_(?P<version>\d{2})\.(txt|asc)"
     r"(\.(gz|xz|bz2))?$"
 )
+_END = re.compile(r"#\s*end of yaml header", re.IGNORECASE)
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")  # no YAML may hold them
 _LONGEST = 5000  # lines of a header
 _MOST_BROKEN = 10  # lines of metadata that are passed over
 _METADATA = re.compile(r"\s+(?:- )?(?P<key>[\w-]+): +\S")
@@ -69,13 +71,13 @@ def read_header(path: Path, stream: Iterator[tuple[Place, str]]) -> tuple[dict[s
     """The header as text values, the number of the first line after it, and notes on what was passed over."""
     texts: list[str] = []
     for place, line in stream:
-        if line.strip() == END:
+        if _END.fullmatch(line.strip()):
             break
         if place.line > _LONGEST:
             raise Level1Error(
                 f"{path}: no line {END!r} among the first {_LONGEST}; this is not a GRACE-FO Level-1 file."
             )
-        texts.append(line.rstrip("\n"))
+        texts.append(_CONTROL.sub(" ", line.rstrip("\n")))
     else:
         raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE-FO Level-1 file in ASCII, or it is cut short.")
     notes: list[str] = []
@@ -147,8 +149,9 @@ def agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
 
 def same_epoch(path: Path, text: str) -> None:
     """Refuse another epoch than that of GPS seconds; an absent one is taken for it."""
-    found = re.match(r"\s*(\d{4}-\d{2}-\d{2})[T ](\d{2}:\d{2}:\d{2})", text)
-    if found and f"{found[1]} {found[2]}" != str(EPOCH):
+    found = re.match(r"\s*(\d{4}-\d{2}-\d{2})[T ]+(\d{2}:\d{2}:\d{2})", text.replace("/", "-"))
+    known = f"{found[1]} {found[2]}" == str(EPOCH) if found else "J2000" in text.upper() or not re.search(r"\d", text)
+    if not known:
         raise Level1Error(f"{path}: times count from {text.strip()}; seconds past {EPOCH} (GPS) are needed.")
 
 

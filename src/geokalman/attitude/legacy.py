@@ -30,13 +30,15 @@ def read_grace(path: Path | str, product: str | None = None) -> Table:
     header: dict[str, str] = {}
     stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
     for place, line in stream:
-        if line.strip() == END:
+        if line.strip().upper() == END:
             break
         key, colon, value = line.partition(":")
         if not colon:
             raise place.error(f"{line.strip()[:40]!r} is no header line `KEY : value`, and no {END!r} came before it.")
         if key.startswith("TIME EPOCH"):
             same_epoch(path, value)
+            if re.search(r"\b(UTC|UT1?|TAI|TT)\b", key):
+                raise place.error(f"{key.strip()}: times in GPS are needed (TIME EPOCH (GPS TIME)).")
         header.setdefault(key.strip(), value.strip())
     else:
         raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short.")

@@ -184,6 +184,7 @@ def _parse(
         pass
     good, numbers = [], []
     for number, line in lines:
+        line = _with_e(line, schema)
         fault = _fault(line.split(), schema) or ("" if line.isascii() else "a space that is not ASCII stands in it")
         if fault:
             bad.append((number, fault))
@@ -191,6 +192,17 @@ def _parse(
             good.append(line)
             numbers.append(number)
     return _convert(good, schema), numbers
+
+
+def _with_e(line: str, schema: Sequence[Column | None]) -> str:
+    """The line with 1.5D-03, as Fortran writes it, as 1.5E-03 in its columns of floats."""
+    words = line.split()
+    if len(words) != len(schema) or not line.isascii():
+        return line
+    for k, column in enumerate(schema):
+        if column is not None and column.kind == "float" and reading.FORTRAN.fullmatch(words[k]):
+            words[k] = words[k].upper().replace("D", "E")
+    return " ".join(words)
 
 
 def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:

@@ -46,7 +46,7 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value
     if isinstance(value, (list, tuple)):
-        if not all(isinstance(item, float) for item in value):
+        if not all(type(item) in (float, np.float64) for item in value):
             value = [plain(name, item, missing) for item in value]
         try:
             return np.array(value, dtype=float)
@@ -54,19 +54,21 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
             raise ValueError(f"{name} is ragged: its rows have different lengths") from None
     if value is None or type(value).__name__ in ("NAType", "NaTType"):
         value = np.ma.masked
-    kind = getattr(getattr(value, "dtype", None), "kind", "")
-    if kind == "m" or isinstance(value, datetime.timedelta):
-        raise ValueError(f"{name} holds time spans: give seconds as float")
-    if kind == "M" or isinstance(value, (datetime.date, datetime.time)) or hasattr(value, "jd1"):
-        raise ValueError(f"{name} holds dates: give seconds as float")
     if hasattr(value, "toarray"):
         raise ValueError(f"{name} is a sparse matrix: give its toarray()")
-    unit = getattr(value, "unit", getattr(value, "units", None))
-    if unit is not None and str(unit) not in ("", "dimensionless"):
-        raise ValueError(f"{name} carries the unit {unit}: give plain numbers in the units of the model")
-    raw = np.asarray(value.data if isinstance(value, np.ma.MaskedArray) else value)
-    if raw.dtype.kind == "O" and raw.ndim:
-        return plain(name, raw.tolist(), missing)
+    kind = _kind(value)
+    if kind not in ("m", "M"):
+        for unit in (getattr(value, key, None) for key in ("unit", "units")):
+            if unit is not None and not np.ndim(unit) and str(unit) not in ("", "dimensionless"):
+                raise ValueError(f"{name} carries the unit {unit}: give plain numbers in the units of the model")
+        raw = _raw(name, value)
+        kind = raw.dtype.kind
+    if kind == "m":
+        raise ValueError(f"{name} holds time spans: give seconds as float")
+    if kind == "M":
+        raise ValueError(f"{name} holds dates: give seconds as float")
+    if raw.dtype.kind == "O" and (raw.ndim or isinstance(value, np.ndarray)):
+        return plain(name, value.tolist() if isinstance(value, np.ma.MaskedArray) else raw.tolist(), missing)
     if raw.dtype.kind not in "fiu" and not (raw.dtype.kind == "O" and isinstance(value, Real)):
         what = _NO_NUMBERS.get(raw.dtype.kind, f"no numbers but a {type(value).__name__}")
         raise ValueError(f"{name} holds {what}: give real numbers")
@@ -83,12 +85,41 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
         return np.where(mask, np.nan, raw.astype(float))
 
 
+def _kind(value) -> str:
+    """Kind of the numbers of something like an array, as numpy names it; m and M also for other spans and dates."""
+    if isinstance(value, datetime.timedelta):
+        return "m"
+    if isinstance(value, (datetime.date, datetime.time)):
+        return "M"
+    if hasattr(value, "jd1"):  # of astropy
+        return "m" if "Delta" in type(value).__name__ else "M"
+    return getattr(getattr(value, "dtype", None), "kind", "")
+
+
+def _raw(name: str, value) -> np.ndarray:
+    """The value as an array of numpy, without its mask."""
+    if isinstance(value, bytearray):
+        value = bytes(value)
+    try:
+        return np.asarray(value.data if isinstance(value, np.ma.MaskedArray) else value)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise ValueError(f"{name} is a {type(value).__name__}, of which numpy makes no array ({error})") from None
+
+
 def scalar(name: str, value) -> float:
     """One number, from what `plain` admits."""
     out = plain(name, value)
     if out.ndim:
         raise ValueError(f"{name} has the shape {out.shape}: it must be one number")
     return float(out)
+
+
+def whole(name: str, value) -> int:
+    """One whole number, from what `plain` admits."""
+    out = scalar(name, value)
+    if not (out == np.floor(out) and abs(out) <= _WHOLE):
+        raise ValueError(f"{name} = {out:g}: it must be a whole number")
+    return int(out)
 
 
 def array(name: str, value, *shape: int | None, missing: bool = False) -> np.ndarray:

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from scipy.special import gammaincc, gammaincinv
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, plain
+from geokalman.kalman.checks import NotPositiveDefinite, array, plain, scalar, whole
 
 Result = TypeVar("Result")
 
@@ -66,6 +66,8 @@ def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
     whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...), both 0 in a gap.
     """
     w = plain("whitened", whitened, missing=True)
+    if np.isinf(w).any():
+        raise ValueError("whitened has an infinite value: values must be finite, or NaN where missing")
     return np.nansum(w**2, axis=-1), np.isfinite(w).sum(axis=-1)
 
 
@@ -77,9 +79,13 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     Raises ValueError where no degree of freedom is left or probability is not inside (0, 1).
     Source: Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications, section 5.4.
     """
+    probability = scalar("probability", probability)
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
     dof = np.atleast_1d(plain("dof", dof))
+    if not ((dof >= 0) & (dof < np.inf)).all():
+        wrong = dof[~((dof >= 0) & (dof < np.inf))][0]
+        raise ValueError(f"dof holds {wrong:g}: degrees of freedom are finite and not negative")
     count, total = int((dof > 0).sum()), float(dof.sum())
     if count == 0:
         raise ValueError("there is no degree of freedom: every epoch is missing")
@@ -100,6 +106,7 @@ def whiteness(whitened, lags: int) -> Whiteness:
     """
     w = array("whitened", whitened, None, None, missing=True)
     N, m = w.shape
+    lags = whole("lags", lags)
     if not 1 <= lags < N:
         raise ValueError(f"lags = {lags} with {N} epochs: it must be at least 1 and below the number of epochs")
     there = np.isfinite(w)

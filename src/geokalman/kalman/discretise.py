@@ -7,7 +7,7 @@ from math import comb, exp, expm1, factorial
 import numpy as np
 from scipy.linalg import expm
 
-from geokalman.kalman.checks import array, covariance, plain, scalar
+from geokalman.kalman.checks import array, covariance, plain, scalar, whole
 
 
 def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
@@ -48,6 +48,7 @@ def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tup
     Raises ValueError for an order or a number of axes below 1, for h not positive, for q negative.
     """
     h, q = _positive("h", h), scalar("q", q)
+    order, axes = whole("order", order), whole("axes", axes)
     if order < 1 or axes < 1:
         raise ValueError(f"order = {order} and axes = {axes}: both must be at least 1")
     if not 0.0 <= q < np.inf:
@@ -82,6 +83,7 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
     Source: Gelb (1974), Applied Optimal Estimation, section 2.2.
     """
     h, tau, sigma = _positive("h", h), _positive("tau", tau), scalar("sigma", sigma)
+    order = whole("order", order)
     if order < 1 or not 0.0 <= sigma < np.inf:
         raise ValueError(f"order = {order}, sigma = {sigma}: order must be at least 1, sigma finite and not negative")
     if order == 1:

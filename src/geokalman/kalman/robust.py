@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from scipy.special import gammaincinv
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain, scalar
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
 from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
 from geokalman.kalman.linear import update_step
@@ -200,7 +200,7 @@ def robust_update(
 
 def thresholds(k0: float, k1: float) -> None:
     """Raise ValueError unless 0 < k0 < k1."""
-    if not 0.0 < k0 < k1:
+    if not 0.0 < scalar("k0", k0) < scalar("k1", k1):
         raise ValueError(f"thresholds k0 = {k0}, k1 = {k1}: they must be positive and k0 below k1")
 
 

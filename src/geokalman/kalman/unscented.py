@@ -20,7 +20,7 @@ from functools import partial
 import numpy as np
 from numba import njit
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, scalar
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
 from geokalman.kalman.extended import NoiseCovariance, Sensor, noise_at, prepare
 from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
@@ -175,6 +175,7 @@ def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, floa
     n : number of states; alpha > 0, beta, kappa > -n : the parameters of the scaled transform (Julier 2002).
     Raises ValueError where n + lambda is not positive.
     """
+    alpha, beta, kappa = scalar("alpha", alpha), scalar("beta", beta), scalar("kappa", kappa)
     if not (alpha > 0.0 and n + kappa > 0.0):
         given = f"alpha = {alpha} and kappa = {kappa} with n = {n}"
         raise ValueError(f"{given} give no sigma points: alpha and n + kappa must be positive")

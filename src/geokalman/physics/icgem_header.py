@@ -27,6 +27,10 @@ _UNITS = {
     "gravity_constant": {"m3/s2": 1.0, "m3s-2": 1.0, "km3/s2": 1e9, "km3s-2": 1e9},
     "radius": {"m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "km": 1e3},
 }
+_ALIASES = {
+    "gm": "gravity_constant", "reference_radius": "radius", "earth_radius": "radius", "normalization": "norm",
+    "normalisation": "norm", "error": "errors", "maximum_degree": "max_degree", "degree_max": "max_degree",
+}  # fmt: skip
 _KEYWORDS = {*_CHOICES, *_UNITS, "max_degree", "modelname", "tide_system"}
 
 
@@ -61,7 +65,7 @@ def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
     for place, line in lines:
         words = [word for word in line.replace("=", " ").split() if word != ":"]
         key = words.pop(0).lower().rstrip(":") if words else ""
-        key = "gravity_constant" if key == "earth_gravity_constant" else key
+        key = "gravity_constant" if re.fullmatch(r"[a-z]+_gravity_constant", key) else _ALIASES.get(key, key)
         if key == "begin_of_head":
             values.clear()
             begun, fault = True, None

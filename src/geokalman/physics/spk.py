@@ -21,6 +21,7 @@ _RECORD = 1024  # bytes of a DAF record
 _J2000_FRAME = 1  # the ICRF, in NAIF's numbering
 _SHAPE = (2, 6)  # doubles and integers of a summary
 _SUMMARY = struct.calcsize("2d6i")
+_SEAM = 1e-4  # of the distance, to which the ends of neighbouring records agree
 _UNHARMED = b"FTPSTR:\r:\n:\r\n:\r\x00:\x81:\x10\xce:ENDFTP"  # a transfer as text changes it
 _PLANETS = {target: (3e10, 1e13) for target in range(1, 10)}
 _DISTANCES = {0: _PLANETS, 10: _PLANETS, 3: {301: (3e8, 4.5e8)}, 399: {301: (3e8, 4.5e8)}}  # centre, target -> m
@@ -174,7 +175,11 @@ def _segment(data: bytes, order: str, summary: tuple, place: Place) -> Segment:
         )
         return Segment(target, centre, begin, end - begin, np.empty((1, 3, 0)), unread=unread)
     if not -np.inf < begin < end < np.inf:
-        raise place.error(f"{what} covers {begin:g} to {end:g} s since J2000: its end must come after its begin.")
+        said = f"{what} covers {begin:.10g} to {end:.10g} s since J2000: its end must come after its begin."
+        if begin != end:
+            raise place.error(said)
+        unread = f"{place.path}: {said}"  # of no length, and in nobody's way
+        return Segment(target, centre, begin, 1.0, np.empty((1, 3, 0)), valid=(begin, end), unread=unread)
     if not 1 <= first < last - 3 or 8 * last > len(data):
         raise place.error(
             f"{what} has words {first} to {last}, and the file ends at {len(data) // 8}: it is truncated or damaged."
@@ -203,9 +208,18 @@ def _segment(data: bytes, order: str, summary: tuple, place: Place) -> Segment:
     if not out.begin < out.end:
         raise place.error(f"{what} is damaged: it claims {begin:g} to {end:g} s since J2000, where it has no records.")
     low, high = _DISTANCES.get(centre, {}).get(target, (0.0, np.inf))
-    distance = float(np.linalg.norm(out.evaluate(np.array([out.start + 0.5 * out.length]))))
-    if not low < distance < high:
+    distance = np.linalg.norm(out.evaluate(middle), axis=1)
+    if (wrong := ~((low < distance) & (distance < high))).any():
+        k = int(wrong.argmax())
         raise place.error(
-            f"{what} is {distance:.3g} m away, where {low:g} to {high:g} m are right; SPK files are in kilometres."
+            f"{what} is in its record {k + 1} {distance[k]:.3g} m away, where {low:g} to {high:g} m are right; SPK "
+            "files are in kilometres."
+        )
+    sign = (-1.0) ** np.arange(out.coefficients.shape[-1])
+    jump = np.linalg.norm(out.coefficients[:-1].sum(axis=-1) - (out.coefficients[1:] * sign).sum(axis=-1), axis=1)
+    if high < np.inf and jump.size and jump.max() > _SEAM * distance.max():
+        raise place.error(
+            f"{what} is damaged: it jumps by {jump.max():.3g} m between records {jump.argmax() + 1} and "
+            f"{jump.argmax() + 2}."
         )
     return out

@@ -61,6 +61,8 @@ def parse_utc(text: str) -> tuple[int, float]:
     A zone (Z, UTC, +02:00) is honoured, none means UTC; second 60 is taken where a leap second stands. Raises
     ValueError for another form, a date or a time that does not exist. Source: ISO 8601-1:2019.
     """
+    if not isinstance(text, str):
+        raise ValueError(f"{text!r} is no UTC epoch; write it as text, '2013-05-07 13:15:22'")
     match = _UTC.fullmatch(text.strip())
     if match is None or (match[4] is None and (match[7] or "Z")[0] in "+-"):  # a zone goes with a time of day
         raise ValueError(f"{text!r} is no UTC epoch; write it as 2013-05-07 13:15:22")
@@ -83,8 +85,13 @@ def parse_utc(text: str) -> tuple[int, float]:
 
 
 def iso_utc(mjd: int, seconds: float) -> str:
-    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd`, leap seconds among them."""
-    hundredths = round(100.0 * seconds)  # first, so that 59.999 s become a new minute
+    """The epoch as `2013-05-07 13:15:22.00`, seconds counted from 0h of the UTC day `mjd`, leap seconds among them.
+
+    Raises ValueError for a day that is not whole, seconds that are not finite, and outside of the years 1 to 9999.
+    """
+    if mjd != int(mjd) or not abs(seconds) < 1e12:  # 1e12 s are 30 000 years
+        raise ValueError(f"MJD {mjd} and {seconds} s are no epoch; give a whole day and finite seconds of it")
+    hundredths, mjd = round(100.0 * seconds), int(mjd)  # first, so that 59.999 s become a new minute
     while hundredths < 0:
         mjd -= 1
         hundredths += 100 * _length(mjd)
@@ -93,7 +100,10 @@ def iso_utc(mjd: int, seconds: float) -> str:
         mjd += 1
     minutes = min(hundredths // 6000, 1439)  # 23:59:60 belongs to the last minute
     hundredths -= 6000 * minutes
-    date = datetime.date.fromordinal(mjd + 678576).isoformat()
+    try:
+        date = datetime.date.fromordinal(mjd + 678576).isoformat()
+    except (ValueError, OverflowError):
+        raise ValueError(f"MJD {mjd} is not in the years 1 to 9999") from None
     return f"{date} {minutes // 60:02d}:{minutes % 60:02d}:{hundredths // 100:02d}.{hundredths % 100:02d}"
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geokalman.physics.timescales import MJD_ZERO, TT_MINUS_TAI
+from geokalman.physics.timescales import MJD_ZERO, TT_MINUS_TAI, parse_utc
 from geokalman.pulsar.fits import Header, Table
 from geokalman.pulsar.model import Array
 
@@ -24,6 +24,7 @@ _SCALES = {
     "TT": 0.0, "TDT": 0.0, "ET": 0.0, "TDB": 0.0, "TAI": TT_MINUS_TAI, "IAT": TT_MINUS_TAI, "GPS": TT_MINUS_TAI + 19.0,
 }  # fmt: skip
 _PLACES = {"LOCAL": "LOCAL", "TOPOCENT": "LOCAL", "SOLARSYS": "SOLARSYSTEM", "BARYCENT": "SOLARSYSTEM"}
+_REFERENCES = ("MJDREF", "MJDREFI", "JDREF", "JDREFI", "DATEREF")
 _FIRST_MJD, _LAST_MJD = 36934.0, 88069.0  # 1960 to 2100
 _COARSE = 1e-3  # [s]: steps of time that matter to a pulsar
 
@@ -40,8 +41,8 @@ def times(table: Table, column: str) -> Times:
     """Times of a column of a table, in its unit, time scale and reference.
 
     TUNIT (else TIMEUNIT, else s) is the unit, TIMEUNIT that of TIMEZERO; MJDREF, MJDREFI + MJDREFF or their
-    counterparts in Julian dates the reference; TIMEZERO or TIMEZERI + TIMEZERF (else 0) is added; TAI and GPS are
-    turned into TT. A keyword that the table lacks may stand in the first header of the file. Raises FitsError where
+    counterparts in Julian dates, or DATEREF the reference; TIMEZERO or TIMEZERI + TIMEZERF (else 0) is added; TAI and
+    GPS are turned into TT. A keyword that the table lacks may stand in the first header of the file. Raises FitsError where
     these contradict one another, for another time scale or unit, and for a time that is null, not finite, too coarse,
     or not between 1960 and 2100.
     """
@@ -63,6 +64,22 @@ def times(table: Table, column: str) -> Times:
     return Times(t, zero, jd)
 
 
+def refuse_strays(table: Table, column: str, t: Array, order: Array) -> None:
+    """FitsError for times that mean none (zero or negative, where half are a day or more), and for a few that stand
+    years away from all others; t (n,) [s] as in the column, ascending, order its rows."""
+    if t[0] <= 0.0 and t[len(t) // 2] > 86400.0:
+        raise table.header.error(f"column {column} has {t[0]:g} s in row {order[0] + 1}, a null value; leave it out.")
+    edge = max(1, len(t) // 100)
+    if len(t) < 5:
+        return
+    low, high = t[edge], t[-1 - edge]
+    for k, away in ((0, low - t[0]), (-1, t[-1] - high)):
+        if away > 3e7 + 100.0 * (high - low):
+            raise table.header.error(
+                f"column {column} is {away / 86400.0:.3g} d away from all others in row {order[k] + 1}; leave it out."
+            )
+
+
 def moments(table: Table, *keys: str) -> Array:
     """Times of keywords (n,), as TSTART, in seconds since the same date as `times` plus their offset."""
     t = np.array([table.header.number(key) for key in keys]) * _unit(table, "TIMEUNIT")
@@ -72,8 +89,11 @@ def moments(table: Table, *keys: str) -> Array:
 def middle(table: Table) -> float:
     """Seconds from the time of an event to the middle of the step it was recorded in, (1/2 - TIMEPIXR) TIMEDEL, where
     steps are longer than a millisecond (frames of a camera), else 0."""
-    step = table.header.number("TIMEDEL", 0.0) * _unit(table, "TIMEUNIT")
-    return (0.5 - table.header.number("TIMEPIXR", 0.5)) * step if step > _COARSE else 0.0
+    header = table.header
+    step, part = header.number("TIMEDEL", 0.0) * _unit(table, "TIMEUNIT"), header.number("TIMEPIXR", 0.5)
+    if step < 0.0 or not 0.0 <= part <= 1.0:
+        raise header.error(f"TIMEDEL = {step:g} s, TIMEPIXR = {part:g}; a positive step, a part of 0 to 1 are right.")
+    return (0.5 - part) * step if step > _COARSE else 0.0
 
 
 def place(table: Table) -> str:
@@ -121,6 +141,11 @@ def _scale(table: Table) -> float:
     return _SCALES[scale]
 
 
+def has_reference(header: Header) -> bool:
+    """Whether a header says what its times count from."""
+    return any(header.value(key) is not None for key in _REFERENCES)
+
+
 def _reference(table: Table) -> float:
     """Julian date that the times count from."""
     for name, zero in (("MJDREF", MJD_ZERO), ("JDREF", 0.0)):
@@ -129,11 +154,20 @@ def _reference(table: Table) -> float:
         parts = [header.number(key) for key in pair if header.value(key) is not None]
         if len(parts) == 2:
             whole = sum(parts)
+            if not 0.0 <= parts[1] < 1.0:
+                raise header.error(f"{pair[1]} = {parts[1]:.9g}; a part of a day, from 0 to 1, is needed.")
             if abs(header.number(name, whole) - whole) > 1.0 / 86400.0:
                 raise header.error(f"{name} = {header[name]} contradicts {pair[0]} + {pair[1]} = {whole:.9g}.")
             return zero + parts[0] + parts[1]
         if header.value(name) is not None:
             return zero + header.number(name)
+    header = _home(table, "DATEREF")
+    if date := header.text("DATEREF"):
+        try:
+            day, seconds = parse_utc(date)
+        except ValueError:
+            raise header.error(f"DATEREF = {date}; a date as 1994-01-01T00:00:00 is needed.") from None
+        return MJD_ZERO + day + seconds / 86400.0
     raise table.header.error("the header lacks MJDREF (or MJDREFI and MJDREFF), the date that its times count from.")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -58,14 +58,16 @@ def read_events(path: str | os.PathLike) -> Events:
     if t.size == 0:
         raise table.header.error("there are no events (NAXIS2 = 0).")
     order = np.argsort(t, kind="stable")
-    _refuse_strays(table, t[order], order)
+    if len(t) > 1 and t[order[0]] == t[order[-1]]:
+        raise table.header.error(f"column TIME has {t[0]:.9g} in all {len(t)} rows; times of photons are needed.")
+    clock.refuse_strays(table, "TIME", t[order], order)
     t = t[order] + zero + clock.middle(table)
     exposure = _exposure(tables, table, t, jd)
     kept = _once(t)
     if len(kept) < len(t):
-        table.header.warn(f"{len(t) - len(kept)} of {len(t)} events stand there twice and are taken once.")
-    phase = table.columns.get("PULSE_PHASE")
-    phase = None if phase is None else phase[order][kept]
+        often = "twice" if 2 * len(kept) >= len(t) else "several times"
+        table.header.warn(f"{len(t) - len(kept)} of {len(t)} events stand there {often} and are taken once.")
+    phase = _phases(table)[order][kept] if "PULSE_PHASE" in table.columns else None
     name = str(table.header.value("OBJECT") or "") or Path(path).name
     return Events(name, t[kept], jd, place == "LOCAL", exposure, phase)
 
@@ -86,39 +88,37 @@ def _event_table(tables: list[Table], path: str | os.PathLike) -> Table:
     return timed[0]
 
 
+def _phases(table: Table) -> Array:
+    """The column PULSE_PHASE; FitsError where a value is null, not finite, or far from all others."""
+    phase = table.finite("PULSE_PHASE").astype(float)
+    away = np.abs(phase - np.median(phase)) > 10.0
+    if away.any() and away.sum() <= 0.5 * len(phase):
+        k = int(away.argmax())
+        raise table.header.error(f"column PULSE_PHASE has {phase[k]:g} in row {k + 1}, a null value; leave it out.")
+    return phase
+
+
 def _is_gti(table: Table) -> bool:
     return table.name.upper().startswith(("GTI", "STDGTI")) or table.header.text("HDUCLAS1") == "GTI"
-
-
-def _refuse_strays(table: Table, t: Array, order: Array) -> None:
-    """FitsError for times that mean none (zero or negative, where half are a day or more), and for a few that stand
-    years away from all others; t (n,) [s] as in the column, ascending, order its rows."""
-    if t[0] <= 0.0 and t[len(t) // 2] > 86400.0:
-        raise table.header.error(f"column TIME has {t[0]:g} s in row {order[0] + 1}, a null value; leave it out.")
-    edge = max(1, len(t) // 100)
-    if len(t) < 5:
-        return
-    low, high = t[edge], t[-1 - edge]
-    for k, away in ((0, low - t[0]), (-1, t[-1] - high)):
-        if away > 3e7 + 100.0 * (high - low):
-            raise table.header.error(
-                f"column TIME is {away / 86400.0:.3g} d away from all others in row {order[k] + 1}; leave it out."
-            )
 
 
 def _once(t: Array) -> Array:
     """Indices (m,) of the events to keep of ascending times t (n,).
 
-    Photons may share a time by chance, but not a run of `_RUN` neighbouring times an even number of times each.
+    Photons may share a time by chance, but not a run of `_RUN` neighbouring times an even number of times each, or a
+    multiple of three.
     """
     first, counts = np.unique(t, return_index=True, return_counts=True)[1:]
-    even = counts % 2 == 0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], even, [False]])))
+    copies = np.ones_like(counts)
+    for times in (3, 2):
+        whole = counts // copies % times == 0
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]])))
+        for start, stop in edges.reshape(-1, 2):
+            if stop - start >= max(2, min(_RUN, len(counts))):
+                copies[start:stop] *= times
     keep = np.ones(len(t), dtype=bool)
-    for start, stop in edges.reshape(-1, 2):
-        if stop - start >= max(2, min(_RUN, len(counts))):
-            for k in range(start, stop):
-                keep[first[k] + counts[k] // 2 : first[k] + counts[k]] = False
+    for k in np.flatnonzero(copies > 1):
+        keep[first[k] + counts[k] // copies[k] : first[k] + counts[k]] = False
     return np.flatnonzero(keep)
 
 
@@ -130,6 +130,8 @@ def _exposure(tables: list[Table], events: Table, t: Array, jd: float) -> float:
     """
     lengths, spans = [], []
     for table in filter(_is_gti, tables):
+        if not clock.has_reference(table.header) and not clock.has_reference(table.primary):
+            table = replace(table, primary=events.header)
         start, stop = clock.times(table, "START"), clock.times(table, "STOP")
         if (wrong := np.flatnonzero(stop.t < start.t)).size:
             raise table.header.error(f"the interval in row {wrong[0] + 1} ends (STOP) before it starts (START).")

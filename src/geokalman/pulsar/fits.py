@@ -154,6 +154,8 @@ class Columns(Mapping[str, np.ndarray]):
     def _scaled(self, values: np.ndarray, k: int, kind: str) -> np.ndarray:
         header = self._header
         scale, zero = header.number(f"TSCAL{k}", 1.0), header.number(f"TZERO{k}", 0.0)
+        if scale == 0.0:
+            raise header.error(f"TSCAL{k} = 0, which makes all rows the same; the scale of the column is needed.")
         null = None
         if values.dtype.kind in "iu" and header.value(f"TNULL{k}") is not None:
             null = values == header.integer(f"TNULL{k}", -(2**63), 2**63 - 1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geokalman.kalman.checks import epochs
+from geokalman.kalman.checks import epochs, plain
 from geokalman.pulsar.catalogue import require_distinct
 from geokalman.pulsar.model import Array
 
@@ -32,6 +32,8 @@ class Observations:
                 f"the first observation stands at t = {t[0]:g} s; "
                 "the initial state is at 0 and observations come after it."
             )
+        object.__setattr__(self, "z", plain("z", self.z, missing=True))
+        object.__setattr__(self, "variance", plain("variance", self.variance))
         m = len(require_distinct(self.H))
         if self.z.shape != (len(t), m) or self.variance.shape != (m,):
             raise ValueError(

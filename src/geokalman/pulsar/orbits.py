@@ -100,6 +100,8 @@ def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[st
     given = all(name in table.columns for name in speeds)
     v = _vectors(table, speeds, _SPEED) if given else None
     rows = np.argsort(t, kind="stable")
+    if len(t):
+        clock.refuse_strays(table, time, t[rows], rows)
     if (np.diff(rows) < 0).any():
         header.warn("the records are not in the order of time; they were sorted.")
     radius = _norm(r)

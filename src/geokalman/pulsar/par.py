@@ -25,6 +25,7 @@ _OBLIQUITY = {
 }  # fmt: skip
 """Obliquity of the ecliptic [arcsec] by the keyword ECL. Source: PINT, ecliptic.dat (Luo et al. 2021)."""
 _SEXAGESIMAL = re.compile(r"([+-]?)(\d+)[:hd](\d+(?:\.\d*)?)(?:[:m'](\d+(?:\.\d*)?))?[ms'\"]?", re.IGNORECASE)
+_TCB = ("TCB", "SI", "5", "TEMPO2")
 _TCB_RATE = 1.0 / (1.0 - 1.550519768e-8)
 """Seconds of TCB in one of TDB. Source: IAU 2006 Resolution B3."""
 _TCB_EPOCH = 43144.0003725
@@ -51,7 +52,7 @@ class Par(dict[str, str]):
     def enter(self, place: Place, name: str, value: str) -> None:
         """Add a line; ParError where it contradicts one before."""
         usual = _ALIASES.get(name, name)
-        if usual in _ONCE and self.get(usual, value) != value:
+        if usual in _ONCE and not _same(self.get(usual, value), value):
             raise place.error(f"{name} = {value} contradicts {self[usual]} on line {self.places[usual].line}.")
         for key in {name, usual}:
             self.setdefault(key, value)
@@ -110,20 +111,38 @@ def read_par(path: str | os.PathLike) -> Par:
         par_direction(par)
     if par.keys() & {"F0", "P0"}:
         _spin(par)
-    if (units := par.get("UNITS", "TDB").upper()) in ("TCB", "SI"):
-        text = f"UNITS {units}: F0, F1 and PEPOCH are turned from TCB into TDB, F0 by 1.55e-8 of itself."
-        warnings.warn(str(par.places["UNITS"].error(text)), ParWarning, stacklevel=2)
-    elif units != "TDB":
+    key, units = _units(par)
+    if units in _TCB:
+        text = f"{key} {units}: F0, F1 and PEPOCH are turned from TCB into TDB, F0 by 1.55e-8 of itself."
+        warnings.warn(str(par.places[key].error(text)), ParWarning, stacklevel=2)
+    elif key == "UNITS" and units != "TDB":
         raise par.places["UNITS"].error(f"UNITS {units} is unknown; TDB, or TCB (SI), is needed.")
     return par
+
+
+def _units(par: Par) -> tuple[str, str]:
+    """The keyword that tells the scale of time, and its value; without UNITS, EPHVER 5 means TCB, as TEMPO2 has it."""
+    key = "UNITS" if "UNITS" in par or "EPHVER" not in par else "EPHVER"
+    return key, par.get(key, "TDB").upper()
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two values are the same text or the same number."""
+    try:
+        return one == other or reading.number(one) == reading.number(other)
+    except ValueError:
+        return False
 
 
 def par_direction(par: Par, mjd: float | None = None) -> Array:
     """Unit vector (3,) to the pulsar of a .par file in ICRF axes, from RAJ (hours) and DECJ (degrees), or ELONG and
     ELAT [deg] with the obliquity that ECL names; with its proper motion [mas/yr] since POSEPOCH where an mjd is given.
 
-    Raises ParError for a position that is missing, or on no sphere, and for two that differ by more than 20 arcsec.
+    Raises ParError for a position that is missing, or on no sphere, for two that differ by more than 20 arcsec, and for
+    another equinox than J2000.
     """
+    if par.get("EQUINOX", "J2000").upper().lstrip("J") not in ("2000", "2000.0"):
+        raise par.places["EQUINOX"].error(f"EQUINOX {par['EQUINOX']}: a position of J2000 is needed.")
     ecl = par.get("ECL", "").upper()
     if ecl not in _OBLIQUITY:
         raise par.places["ECL"].error(f"ECL {ecl} is unknown; known are {', '.join(filter(None, _OBLIQUITY))}.")
@@ -145,12 +164,12 @@ def par_direction(par: Par, mjd: float | None = None) -> Array:
         raise par.places["ELONG"].error(f"ELONG and ELAT contradict RAJ and DECJ on line {par.places['RAJ'].line}.")
     moved = n
     for (east, north), pole in zip((("PMRA", "PMDEC"), ("PMELONG", "PMELAT")), poles.values(), strict=True):
-        if mjd is None or not par.keys() & {east, north}:
+        rates = par.number(east, -1e5, 1e5, 0.0), par.number(north, -1e5, 1e5, 0.0)
+        if mjd is None or rates == (0.0, 0.0):
             continue
         epoch = "POSEPOCH" if "POSEPOCH" in par else "PEPOCH"
         years = (mjd - par.number(epoch, _FIRST_MJD, _LAST_MJD)) / 365.25
         along = np.cross(pole, n) / np.linalg.norm(np.cross(pole, n))
-        rates = par.number(east, -1e5, 1e5, 0.0), par.number(north, -1e5, 1e5, 0.0)
         moved = moved + years * _MAS * (rates[0] * along + rates[1] * np.cross(n, along))
     return moved if moved is n else moved / np.linalg.norm(moved)
 
@@ -177,7 +196,7 @@ def _spin(par: Par) -> tuple[float, float, float]:
         raise par.places["P0"].error(f"P0 = {par['P0']} contradicts F0 = {par['F0']}.")
     f1 = par.number("F1", -1e-7, 1e-7, -par.number("P1", -1e-5, 1e-5, 0.0) * f0**2)
     epoch = par.number("PEPOCH", _FIRST_MJD, _LAST_MJD, None if f1 else 0.0)
-    if par.get("UNITS", "").upper() in ("TCB", "SI"):
+    if _units(par)[1] in _TCB:
         return f0 * _TCB_RATE, f1 * _TCB_RATE**2, _TCB_EPOCH + (epoch - _TCB_EPOCH) / _TCB_RATE
     return f0, f1, epoch
 

@@ -14,15 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geokalman.constants import GM_EARTH, R_EARTH
+from geokalman.kalman.checks import plain, scalar, whole
 from geokalman.radioastron.model import Array, find_station
 
 LONGEST_GAP = 86400.0
 """Longest pause between measurements [s] that an estimator bridges."""
+FIRST_DAY, LAST_DAY = 36934, 88069
+"""Modified Julian dates of 1960 and 2100."""
+LIMITS = {"range": (1e5, 1e10, "m"), "rate": (-2e4, 2e4, "m/s")}
+"""What a measurement of a satellite of the Earth lies between; outliers do, nulls do not."""
+NULLS = (-999.0, -9999.0, 9999.0)
+"""Numbers between these limits that are written where there is none."""
 RATE_DISAGREEMENT = 0.1
 """Largest difference [m/s] between range-rates and the slope of ranges that noise, bias or an outlier may make."""
 
 
 def _positive(name: str, value: float) -> None:
+    value = scalar(name, value)
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} = {value:g} must be a positive finite sigma")
 
@@ -52,7 +60,7 @@ class Levels:
         for name in ("prior_position", "prior_velocity", "sigma_range", "sigma_rate", "bias_range", "bias_rate"):
             _positive(name, getattr(self, name))
         for name in ("pressure_error", "acceleration", "impulse"):
-            value = getattr(self, name)
+            value = scalar(name, getattr(self, name))
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(
                     f"{name} = {value:g} is the size of an unmodelled force; it must be finite and 0 or more"
@@ -115,10 +123,10 @@ class Observations:
     t (n,) reception times [s since 0h UTC of day, a modified Julian date], sorted; several stations may share a time;
     station (n,) index into stations; arc (n,) number of the pass; range (n,) half of the two-way range [m]; rate (n,)
     its rate [m/s], positive when receding; NaN where missing; prior_mean (6,), prior_cov (6, 6) at t[0] [m, m/s].
-    Raises ValueError, one sentence each: shapes, infinities, times unsorted or doubled, an empty pass, a gap over a
-    day, a covariance that is none, a state inside the Earth or unbound, and ranges that are in km, of the whole way,
-    or of the wrong sign. Warns when there is one pass alone, which leaves the state undetermined across the line of
-    sight.
+    Masked ranges and rates are missing ones. Raises ValueError, one sentence each: units, dates and text, nulls,
+    shapes, infinities, times unsorted or doubled, an empty pass, a gap over a day, a covariance that is none, a state
+    inside the Earth or unbound, and ranges that are in km, of the whole way, or of the wrong sign. Warns when there is
+    one pass alone, which leaves the state undetermined across the line of sight.
     """
 
     t: Array
@@ -132,6 +140,15 @@ class Observations:
     day: int
 
     def __post_init__(self) -> None:
+        for name in ("t", "range", "rate", "prior_mean", "prior_cov"):
+            object.__setattr__(self, name, plain(name, getattr(self, name), missing=name in LIMITS))
+        for name in ("station", "arc"):
+            object.__setattr__(self, name, _indices(name, getattr(self, name)))
+        object.__setattr__(self, "day", whole("day", self.day))
+        if not FIRST_DAY <= self.day <= LAST_DAY:
+            raise ValueError(f"day = {self.day} is no modified Julian date from {FIRST_DAY} to {LAST_DAY}")
+        if self.t.ndim != 1:
+            raise ValueError(f"t has shape {self.t.shape}; it must be (n,)")
         n = len(self.t)
         if n == 0:
             raise ValueError("there is no measurement: the pass is empty")
@@ -142,6 +159,19 @@ class Observations:
             bad = np.isinf(getattr(self, name))
             if bad.any():
                 raise ValueError(f"{name} at index {int(bad.argmax())} is infinite; a missing one is NaN")
+            low, high, unit = LIMITS[name]
+            bad = (getattr(self, name) < low) | (getattr(self, name) > high) | np.isin(getattr(self, name), NULLS)
+            if 2 * bad.sum() < n and bad.any():  # where most are, the unit is another, which is told below
+                k = int(bad.argmax())
+                raise ValueError(
+                    f"{name} at index {k} is {getattr(self, name)[k]:g} {unit}, a null or not between {low:g} and "
+                    f"{high:g} {unit}; a missing one is NaN"
+                )
+        if not ((self.station >= 0) & (self.station < len(self.stations))).all():
+            k = int(((self.station < 0) | (self.station >= len(self.stations))).argmax())
+            raise ValueError(
+                f"station at index {k} is {self.station[k]}, an index into the {len(self.stations)} stations is needed"
+            )
         if np.isnan(self.range).all() and np.isnan(self.rate).all():
             raise ValueError("every measurement is missing: the pass is empty")
         if not np.isfinite(self.t).all():
@@ -223,9 +253,19 @@ class Observations:
                     raise ValueError(
                         f"{where}: their sign is that of a Doppler; a range-rate is positive when receding"
                     )
+                if abs(rate - fit[1]) > 1.0:
+                    raise ValueError(f"{where}: check the units and the times of both")
                 raise ValueError(
                     f"{where}: a constant near 0.2 m/s means that one-way Doppler was given to the two-way model"
                 )
+
+
+def _indices(name: str, value: Any) -> NDArray[np.int64]:
+    """Whole numbers (n,), from what `plain` admits."""
+    out = plain(name, value)
+    if not (np.isfinite(out).all() and (out == np.floor(out)).all()):
+        raise ValueError(f"{name} holds numbers that are not whole; indices are needed")
+    return out.astype(np.int64)
 
 
 def check_prior(mean: Array, cov: Array) -> None:

@@ -1,4 +1,4 @@
-"""The book as a task graph (doit): notebooks whose inputs changed are executed, two at a time, then pages made.
+"""The build of the book: notebooks whose inputs changed are executed, two at a time, then the pages are made.
 
 What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of
 every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed and made anew.
@@ -11,8 +11,8 @@ import json
 import platform
 import re
 import shutil
-import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -84,25 +84,21 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
             display.say(f"{name}: {note}")
         outcome.executed.append(name)
 
-    def book() -> None:
+    def book(_: str) -> None:
         from geokalman.reproduce import html as pages
         from geokalman.reproduce import stage
 
         stage.stage(root)
         outcome.book = pages.build(root, strict=True)
 
-    tasks: dict[str, tuple[Callable[[], None], list[str], bool]] = {
-        name: (lambda name=name: one(name), [], name in outcome.fresh) for name in names
-    }
-    if html:
-        tasks["book"] = (book, names, False)
     try:
-        outcome.failed = _run_tasks(tasks, workers, _oldest_first(root, names))
-    except BaseException:  # Ctrl-C: no kernel outlives us
-        children.stop()
-        raise
+        stale = [name for name in names if name not in outcome.fresh]
+        failed = _run_all(_longest_first(root, stale), workers, one)
+        if html and not failed:
+            failed = _run_all(["book"], 1, book)
     finally:
         outcome.executed.sort()
+    outcome.failed = [failed[name] for name in (*names, "book") if name in failed]
     return outcome
 
 
@@ -170,7 +166,7 @@ def _clear(root: Path, names: list[str]) -> None:
                 paper.rmdir()
 
 
-def _oldest_first(root: Path, names: list[str]) -> list[str]:
+def _longest_first(root: Path, names: list[str]) -> list[str]:
     """The notebooks that took longest last time come first, so that two workers end together."""
 
     def seconds(name: str) -> float:
@@ -184,57 +180,26 @@ def _oldest_first(root: Path, names: list[str]) -> list[str]:
     return sorted(names, key=seconds, reverse=True)
 
 
-def _run_tasks(
-    tasks: dict[str, tuple[Callable[[], None], list[str], bool]], workers: int, order: list[str]
-) -> list[str]:
-    """Run the tasks name -> (action, names it waits for, up to date) with doit; gives the messages of failed ones."""
-    from doit.cmd_base import ModuleTaskLoader
-    from doit.doit_cmd import DoitMain
-    from doit.exceptions import TaskFailed
+def _run_all(names: list[str], workers: int, action: Callable[[str], None]) -> dict[str, str]:
+    """Call action(name) for all names, `workers` at a time; gives the messages of those that failed, by name."""
+    failed: dict[str, str] = {}
 
-    messages: dict[str, str] = {}
-
-    def guarded(name: str, action: Callable[[], None]) -> Any:
+    def guarded(name: str) -> None:
         try:
-            action()
+            action(name)
         except Fault as error:
-            messages[name] = str(error)
-            return TaskFailed(str(error))
+            failed[name] = str(error)
         except Exception as error:  # a fault of ours must not pass for a good build
-            messages[name] = f"FAILED {name}: {type(error).__name__}: {error}"
-            return TaskFailed(messages[name])
-        return None
+            failed[name] = f"FAILED {name}: {type(error).__name__}: {error}"
 
-    def task_book():
-        for name in [*order, *(n for n in tasks if n not in order)]:
-            action, needs, fresh = tasks[name]
-            yield {
-                "basename": name,
-                "actions": [(guarded, [name, action])],
-                "task_dep": needs,
-                "uptodate": [fresh],
-                "verbosity": 2,
-                "io": {"capture": False},
-            }
-
-    with tempfile.TemporaryDirectory() as state:  # doit's own memory is not used: the run folders tell
-        config = {"dep_file": f"{state}/doit.json", "backend": "json", "reporter": _Silent}
-        main = DoitMain(ModuleTaskLoader({"task_book": task_book, "DOIT_CONFIG": config}), config_filenames=())
-        code = main.run(["run", "-n", str(workers), "-P", "thread", "--continue"])
-    if code and not messages:
-        raise Fault(f"the task graph could not be run (doit ended with {code}).")
-    return [messages[name] for name in tasks if name in messages]
-
-
-class _Silent:
-    """doit's reporter, saying nothing: progress is shown by our own display, failures at the end."""
-
-    desc = "nothing"
-
-    def __init__(self, outstream: Any, options: Any) -> None:
-        pass
-
-    def __getattr__(self, name: str) -> Callable[..., None]:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return lambda *_: None
+    pool = ThreadPoolExecutor(workers)
+    try:
+        for task in [pool.submit(guarded, name) for name in names]:
+            task.result()
+    except BaseException:  # Ctrl-C: no kernel outlives us
+        pool.shutdown(wait=False, cancel_futures=True)
+        children.stop()
+        raise
+    finally:
+        pool.shutdown()
+    return failed
