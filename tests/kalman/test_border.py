@@ -13,13 +13,12 @@ from geokalman.kalman import (
     Gaussian,
     Information,
     Innovation,
+    Model,
     Sensor,
     adaptive_update,
     chi_square_bounds,
     extended,
-    filter_extended,
     filter_linear,
-    filter_unscented,
     gauss_markov,
     gaussian,
     integrated_white_noise,
@@ -27,6 +26,7 @@ from geokalman.kalman import (
     nees,
     nis,
     robust_update,
+    run,
     smooth,
     smooth_information,
     smooth_two_filter,
@@ -253,6 +253,9 @@ def jacobian(x, t0, t1):
     return PHI
 
 
+MODEL = Model(f=step, F=jacobian, Q=Q)
+
+
 def on_manifold(observe=lambda k, x: (Z[k] - x[:1], H, R), cov=PRIOR.cov, propagate=lambda k, x: (PHI @ x, PHI, Q)):
     return filter_manifold(LINE, np.zeros(2), cov, N, propagate, observe)
 
@@ -273,15 +276,14 @@ CALLS = {  # argument -> a good value, and a call with it
     "filter_linear.Q(h)": (Q, lambda v: filter_linear(PRIOR, T, Z, H, R, lambda h: (PHI, v))),
     "extended.update.h": (np.zeros(1), lambda v: extended.update(PRIOR, Z[0], v, H, R)),
     "extended.predict.f": (np.zeros(2), lambda v: extended.predict(PRIOR, v, PHI, Q)),
-    "filter_extended.f(x)": (np.zeros(2), lambda v: filter_extended(PRIOR, T, lambda *a: v, jacobian, Q, [SENSOR])),
-    "filter_extended.F(x)": (PHI, lambda v: filter_extended(PRIOR, T, step, lambda *a: v, Q, [SENSOR])),
-    "filter_extended.R": (R, lambda v: filter_extended(PRIOR, T, step, jacobian, Q, [SENSOR._replace(R=v)])),
-    "filter_unscented.t": (T, lambda v: filter_unscented(PRIOR, v, step, Q, [SENSOR])),
-    "filter_unscented.h(x)": (
-        np.ones(1),
-        lambda v: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(h=lambda *a: v)]),
-    ),
-    "filter_unscented.Q": (Q, lambda v: filter_unscented(PRIOR, T, step, v, [SENSOR])),
+    "run.f(x)": (np.zeros(2), lambda v: run(PRIOR, T, replace(MODEL, f=lambda *a: v), [SENSOR])),
+    "run.F(x)": (PHI, lambda v: run(PRIOR, T, replace(MODEL, F=lambda *a: v), [SENSOR])),
+    "run.R": (R, lambda v: run(PRIOR, T, MODEL, [replace(SENSOR, R=v)])),
+    "run.H": (H, lambda v: run(PRIOR, T, MODEL, [Sensor(Z, R, H=v)])),
+    "run.Phi": (PHI, lambda v: run(PRIOR, T, Model(F=v, Q=Q), [SENSOR])),
+    "run.t": (T, lambda v: run(PRIOR, v, MODEL, [SENSOR], "unscented")),
+    "run.h(x)": (np.ones(1), lambda v: run(PRIOR, T, MODEL, [replace(SENSOR, h=lambda *a: v)], "unscented")),
+    "run.Q": (Q, lambda v: run(PRIOR, T, replace(MODEL, Q=v), [SENSOR], "unscented")),
     "unscented.sigma_points": (np.eye(2), lambda v: unscented.sigma_points(Gaussian(np.zeros(2), v))),
     "smooth.mean": (COURSE.mean, lambda v: smooth(replace(COURSE, mean=v))),
     "smooth.cov": (COURSE.predicted_cov, lambda v: smooth(replace(COURSE, predicted_cov=v))),
@@ -340,8 +342,8 @@ SEEN = HIDDEN.filled(np.nan)
 OBSERVED = {
     "linear.update": lambda z: linear.update(PRIOR, z[3], H, R)[0].mean,
     "filter_linear": lambda z: filter_linear(PRIOR, T, z, H, R, (PHI, Q)).mean,
-    "filter_extended": lambda z: filter_extended(PRIOR, T, step, jacobian, Q, [SENSOR._replace(z=z)]).mean,
-    "filter_unscented": lambda z: filter_unscented(PRIOR, T, step, Q, [SENSOR._replace(z=z)]).mean,
+    "run": lambda z: run(PRIOR, T, MODEL, [replace(SENSOR, z=z)]).mean,
+    "run, unscented": lambda z: run(PRIOR, T, MODEL, [replace(SENSOR, z=z)], "unscented").mean,
     "extended.update": lambda z: extended.update(PRIOR, z[3], np.zeros(1), H, R)[0].mean,
     "unscented.update": lambda z: unscented.update(PRIOR, z[3], lambda x: x[:1], R)[0].mean,
     "smooth_two_filter": lambda z: smooth_two_filter(COURSE, z, H, R).mean,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.kalman import NotPositiveDefinite, Sensor, extended, filter_extended, filter_linear, gaussian, smooth
+from geokalman.kalman import Model, NotPositiveDefinite, Sensor, extended, filter_linear, gaussian, run, smooth
 
 
 def index(t, now):
@@ -13,14 +13,12 @@ def index(t, now):
 
 
 def linear_run(p, sensors):
-    return filter_extended(
-        p.prior,
-        p.t,
-        lambda x, t0, t1: p.transition(t1 - t0)[0] @ x,
-        lambda x, t0, t1: p.transition(t1 - t0)[0],
-        lambda t0, t1: p.transition(t1 - t0)[1],
-        sensors,
+    model = Model(
+        f=lambda x, t0, t1: p.transition(t1 - t0)[0] @ x,
+        F=lambda x, t0, t1: p.transition(t1 - t0)[0],
+        Q=lambda t0, t1: p.transition(t1 - t0)[1],
     )
+    return run(p.prior, p.t, model, sensors)
 
 
 def test_is_the_linear_filter_on_a_linear_problem(problem, close):
@@ -49,10 +47,10 @@ def test_single_steps_are_the_run(problem):
     p = problem
     state, innovation = extended.update(p.prior, p.z[1], p.H[1] @ p.prior.mean, p.H[1], p.R[1])
     state = extended.predict(state, p.Phi[0] @ state.mean, p.Phi[0], p.Q[0])
-    run = filter_linear(p.prior, p.t[:2], np.array([p.z[1], p.z[2]]), p.H[1:3], p.R[1:3], (p.Phi[0], p.Q[0]))
-    np.testing.assert_allclose(state.mean, run.predicted_mean[1], rtol=1e-11)
-    np.testing.assert_allclose(state.cov, run.predicted_cov[1], rtol=1e-9, atol=1e-14)
-    np.testing.assert_allclose(innovation.whitened, run.whitened[0], atol=1e-11)
+    course = filter_linear(p.prior, p.t[:2], np.array([p.z[1], p.z[2]]), p.H[1:3], p.R[1:3], (p.Phi[0], p.Q[0]))
+    np.testing.assert_allclose(state.mean, course.predicted_mean[1], rtol=1e-11)
+    np.testing.assert_allclose(state.cov, course.predicted_cov[1], rtol=1e-9, atol=1e-14)
+    np.testing.assert_allclose(innovation.whitened, course.whitened[0], atol=1e-11)
     gap, innovation = extended.update(p.prior, np.full(4, np.nan), p.H[1] @ p.prior.mean, p.H[1], p.R[1])
     assert np.array_equal(gap.cov, p.prior.cov) and np.isnan(innovation.whitened).all()
 
@@ -63,16 +61,11 @@ def test_finds_a_position_from_ranges():
     h = lambda x, t: np.linalg.norm(x - stations, axis=1)
     H = lambda x, t: (x - stations) / h(x, t)[:, None]
     z = np.tile(h(truth, 0.0), (50, 1))
-    run = filter_extended(
-        gaussian([20.0, 50.0], [100.0, 100.0]),
-        np.arange(50.0),
-        lambda x, t0, t1: x,
-        lambda x, t0, t1: np.eye(2),
-        np.zeros((2, 2)),
-        [Sensor(z, np.eye(3), h, H)],
-    )
-    np.testing.assert_allclose(run.mean[-1], truth, atol=0.05)
-    assert np.sqrt(np.diag(run.cov[-1])).max() < 0.2
+    still = Model(f=lambda x, t0, t1: x, F=lambda x, t0, t1: np.eye(2), Q=np.zeros((2, 2)))
+    prior = gaussian([20.0, 50.0], [100.0, 100.0])
+    course = run(prior, np.arange(50.0), still, [Sensor(z, np.eye(3), h, H)])
+    np.testing.assert_allclose(course.mean[-1], truth, atol=0.05)
+    assert np.sqrt(np.diag(course.cov[-1])).max() < 0.2
 
 
 def test_wrong_input_is_named():
@@ -80,12 +73,13 @@ def test_wrong_input_is_named():
     f, F = (lambda x, t0, t1: x), (lambda x, t0, t1: np.eye(1))
     h, H = (lambda x, t: x), (lambda x, t: np.eye(1))
     z = [[1.0], [1.0]]
-    run = lambda **new: filter_extended(
-        **{"prior": prior, "t": [0.0, 1.0], "f": f, "F": F, "Q": Q, "sensors": [Sensor(z, Q, h, H)], **new}
-    )
-    assert len(run()) == 2
+
+    def filtered(sensors=(Sensor(z, Q, h, H),), **new):
+        return run(prior, [0.0, 1.0], Model(**{"f": f, "F": F, "Q": Q, **new}), sensors)
+
+    assert len(filtered()) == 2
     for change, message in [
-        ({"sensors": [Sensor(z, Q, h)]}, "a sensor has no H"),
+        ({"sensors": [Sensor(z, Q, h)]}, "sensor 0 has no H"),
         ({"sensors": [Sensor(z[:1], Q, h, H)]}, r"z of sensor 0 has the shape \(1, 1\), it must be \(2, any\)"),
         ({"sensors": [Sensor(z, -Q, h, H)]}, "R of sensor 0 is not positive definite"),
         ({"sensors": [Sensor(z, Q, lambda x, t: np.array([np.nan]), H)]}, r"h\(x\)\[0\] is nan"),
@@ -95,7 +89,7 @@ def test_wrong_input_is_named():
         ({"Q": lambda t0, t1: -np.eye(1)}, "Q is not positive definite"),
     ]:
         with pytest.raises(ValueError, match=message):
-            run(**change)
+            filtered(**change)
     with pytest.raises(NotPositiveDefinite, match="innovation covariance .* at epoch 1") as error:
-        run(sensors=[Sensor([[np.nan], [1.0]], [[0.0]], h, lambda x, t: np.zeros((1, 1)))])
+        filtered(sensors=[Sensor([[np.nan], [1.0]], [[0.0]], h, lambda x, t: np.zeros((1, 1)))])
     assert error.value.epoch == 1

@@ -12,10 +12,11 @@ import pytest
 from geokalman.kalman import (
     Information,
     NotPositiveDefinite,
+    Model,
     Sensor,
     filter_linear,
-    filter_unscented,
     gaussian,
+    run,
     smooth,
     smooth_information,
     smooth_two_filter,
@@ -100,19 +101,12 @@ def test_unscented_filter_does_not_drift_from_the_linear_one(long_pair, close):
     """
     p = long_pair
     row = {float(t): H for t, H in zip(p.t, p.H, strict=True)}
-    unscented = filter_unscented(
-        p.prior,
-        p.t,
-        lambda x, t0, t1: p.transition[0] @ x,
-        p.transition[1],
-        [
-            Sensor(p.z[:, :3], p.R[:3, :3], lambda x, t: x[:3]),
-            Sensor(p.z[:, 3:], p.R[3:, 3:], lambda x, t: row[t][3:] @ x),
-        ],
-        alpha=1.0,
-        beta=0.0,
-        kappa=2.0,
-    )
+    sensors = [
+        Sensor(p.z[:, :3], p.R[:3, :3], lambda x, t: x[:3]),
+        Sensor(p.z[:, 3:], p.R[3:, 3:], lambda x, t: row[t][3:] @ x),
+    ]
+    model = Model(f=lambda x, t0, t1: p.transition[0] @ x, Q=p.transition[1])
+    unscented = run(p.prior, p.t, model, sensors, "unscented", alpha=1.0, beta=0.0, kappa=2.0)
     linear = p.filter()
     one, other = smooth(unscented), smooth(linear)
     sigma = np.sqrt(np.diagonal(other.cov, axis1=1, axis2=2)).min(axis=0)

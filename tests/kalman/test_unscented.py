@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.kalman import NotPositiveDefinite, Sensor, filter_linear, filter_unscented, gaussian, smooth, unscented
+from geokalman.kalman import Model, NotPositiveDefinite, Sensor, filter_linear, gaussian, run, smooth, unscented
 from geokalman.kalman.unscented import (
     sigma_points,
     sigma_points_step,
@@ -91,14 +91,9 @@ def index(t, now):
 @pytest.mark.parametrize("scaling", [(1.0, 0.0, 2.0), (1.0, 2.0, 0.0), (0.3, 2.0, 0.0)])
 def test_is_the_linear_filter_and_smoother_on_a_linear_problem(problem, close, scaling):
     p = problem
-    ours = filter_unscented(
-        p.prior,
-        p.t,
-        lambda x, t0, t1: p.transition(t1 - t0)[0] @ x,
-        lambda t0, t1: p.transition(t1 - t0)[1],
-        [Sensor(p.z, p.R, lambda x, t: p.H[index(p.t, t)] @ x)],
-        *scaling,
-    )
+    model = Model(f=lambda x, t0, t1: p.transition(t1 - t0)[0] @ x, Q=lambda t0, t1: p.transition(t1 - t0)[1])
+    sensor = Sensor(p.z, p.R, lambda x, t: p.H[index(p.t, t)] @ x)
+    ours = run(p.prior, p.t, model, [sensor], "unscented", *scaling)
     ref = filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition)
     close(ours.mean, ours.cov, ref.mean, ref.cov, 1e-10)
     close(ours.predicted_mean, ours.predicted_cov, ref.predicted_mean, ref.predicted_cov, 1e-10)
@@ -202,17 +197,12 @@ def test_failing_updates_leave_the_state_alone():
 
 def test_wrong_input_is_named():
     prior, Q = gaussian([1.0], [1.0]), np.eye(1)
-    run = lambda **new: filter_unscented(
-        **{
-            "prior": prior,
-            "t": [0.0, 1.0],
-            "f": lambda x, t0, t1: x,
-            "Q": Q,
-            "sensors": [Sensor([[1.0], [1.0]], Q, lambda x, t: x)],
-            **new,
-        }
-    )
-    assert len(run()) == 2
+    one = Sensor([[1.0], [1.0]], Q, lambda x, t: x)
+
+    def filtered(prior=prior, f=lambda x, t0, t1: x, Q=Q, sensors=(one,), **scaling):
+        return run(prior, [0.0, 1.0], Model(f=f, Q=Q), sensors, "unscented", **scaling)
+
+    assert len(filtered()) == 2
     for change, message in [
         ({"alpha": 0.0}, "alpha = 0.0 and kappa = 0.0 with n = 1 give no sigma points"),
         ({"kappa": -1.0}, "kappa = -1.0 with n = 1"),
@@ -221,15 +211,15 @@ def test_wrong_input_is_named():
         ({"Q": np.eye(2)}, r"Q has the shape \(2, 2\)"),
     ]:
         with pytest.raises(ValueError, match=message):
-            run(**change)
+            filtered(**change)
     still = {"prior": gaussian([1.0], [0.0])}
     with pytest.raises(NotPositiveDefinite, match="prior covariance .* at epoch 0"):
-        run(**still)
+        filtered(**still)
     gap = [Sensor([[np.nan], [np.nan]], Q, lambda x, t: x)]
     with pytest.raises(NotPositiveDefinite, match="filtered covariance .* at epoch 0"):
-        run(**still, sensors=gap)
+        filtered(**still, sensors=gap)
     with pytest.raises(NotPositiveDefinite, match=r"innovation covariance .* at epoch 1 \(t = 1 s\)"):
-        run(sensors=[Sensor([[np.nan], [1.0]], [[0.0]], lambda x, t: np.zeros(1))])
+        filtered(sensors=[Sensor([[np.nan], [1.0]], [[0.0]], lambda x, t: np.zeros(1))])
 
 
 @pytest.mark.parametrize("scaling", [(1.0, 0.0, 2.0), (0.5, 2.0, 1.0)])
@@ -243,26 +233,21 @@ def test_smoother_of_a_pendulum_is_sarkkas(scaling):
 
     z = np.sin(1.5 * np.cos(3.0 * t))[:, None] + 0.1 * rng.standard_normal((30, 1))
     z[10:14] = np.nan
-    run = filter_unscented(
-        gaussian([1.6, 0.0], [0.1, 0.1]),
-        t,
-        swing,
-        lambda t0, t1: 0.01 * (t1 - t0) * np.eye(2),
-        [Sensor(z, [[0.01]], lambda x, now: np.sin(x[:1]))],
-        *scaling,
-    )
-    ours = smooth(run)
+    model = Model(f=swing, Q=lambda t0, t1: 0.01 * (t1 - t0) * np.eye(2))
+    sensor = Sensor(z, [[0.01]], lambda x, now: np.sin(x[:1]))
+    course = run(gaussian([1.6, 0.0], [0.1, 0.1]), t, model, [sensor], "unscented", *scaling)
+    ours = smooth(course)
     Wm, Wc = weights(2, *scaling)
-    mean, cov = run.mean[-1], run.cov[-1]
+    mean, cov = course.mean[-1], course.cov[-1]
     for k in range(28, -1, -1):
-        chi = sigma_points(run[k], *scaling)
+        chi = sigma_points(course[k], *scaling)
         image = np.array([swing(point, t[k], t[k + 1]) for point in chi])
         predicted = Wm @ image
         P = (Wc[:, None] * (image - predicted)).T @ (image - predicted) + 0.01 * (t[k + 1] - t[k]) * np.eye(2)
-        np.testing.assert_allclose(run.predicted_cov[k + 1], P, rtol=1e-9)
-        G = (Wc[:, None] * (chi - run.mean[k])).T @ (image - predicted) @ np.linalg.inv(P)
-        mean = run.mean[k] + G @ (mean - predicted)
-        cov = run.cov[k] + G @ (cov - P) @ G.T
+        np.testing.assert_allclose(course.predicted_cov[k + 1], P, rtol=1e-9)
+        G = (Wc[:, None] * (chi - course.mean[k])).T @ (image - predicted) @ np.linalg.inv(P)
+        mean = course.mean[k] + G @ (mean - predicted)
+        cov = course.cov[k] + G @ (cov - P) @ G.T
         np.testing.assert_allclose(ours.mean[k], mean, rtol=1e-9, atol=1e-10)
         np.testing.assert_allclose(ours.cov[k], cov, rtol=1e-8, atol=1e-11)
 

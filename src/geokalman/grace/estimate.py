@@ -1,7 +1,7 @@
 """The three ways to a range-rate: Newton differentiation, the linear ("extended") filter, the unscented fusion filter.
 
-The filters share one compiled loop over the core's steps. Dynamics (50), (51) and position observation (52) are linear,
-so the paper's EKF is a plain Kalman filter; the range-rate (53) is the only non-linear part.
+The filters are one model and two sensors for the core's `run`. Dynamics (50), (51) and position observation (52) are
+linear, so the paper's EKF is a plain Kalman filter; the range-rate (53) is the only non-linear part.
 """
 
 from __future__ import annotations
@@ -25,16 +25,13 @@ from geokalman.grace.model import (
     los_acceleration,
     range_rate,
 )
-from geokalman.kalman.checks import NotPositiveDefinite
-from geokalman.kalman.dense import copy_state
-from geokalman.kalman.linear import predict_step, scalar_update_step, update_step
-from geokalman.kalman.smoothing import rts_mean_step, rts_step
-from geokalman.kalman.unscented import sigma_points_step, spread, unscented_update_step
+from geokalman.kalman.gaussian import Gaussian
+from geokalman.kalman.model import OBSERVE, Model, Sensor
+from geokalman.kalman.run import Kind, run
+from geokalman.kalman.smoothing import smooth
 
 N = 9
-SIGMA_POINTS = 2 * N + 1
 Update = Literal["sequential", "simultaneous"]
-_POSITION_ONLY, _EKF, _UKF, _EKF_JOINT, _UKF_JOINT = range(5)
 
 
 @dataclass(frozen=True)
@@ -114,7 +111,7 @@ def ekf(data: Observations, tuning: Tuning, covariances: bool = False) -> Estima
     covariances: smooth them too (without them the smoother is four times as fast).
     Raises NotPositiveDefinite, naming the epoch.
     """
-    return _run(data, tuning, _POSITION_ONLY, covariances)
+    return _run(data, tuning, None, "extended", covariances)
 
 
 def ukf(data: Observations, tuning: Tuning, update: Update = "sequential", covariances: bool = False) -> Estimate:
@@ -124,32 +121,37 @@ def ukf(data: Observations, tuning: Tuning, update: Update = "sequential", covar
     both into one vector and linearises (53) at a predicted state that is a metre off, which biases the range-rate.
     Raises NotPositiveDefinite, naming the epoch.
     """
-    return _run(data, tuning, {"sequential": _UKF, "simultaneous": _UKF_JOINT}[update], covariances)
+    return _run(data, tuning, update, "unscented", covariances)
 
 
 def fused_ekf(data: Observations, tuning: Tuning, update: Update = "sequential", covariances: bool = False) -> Estimate:
     """The same data as `ukf`, with the range-rate linearised (18) instead of unscented: the control that the paper
     lacks."""
-    return _run(data, tuning, {"sequential": _EKF, "simultaneous": _EKF_JOINT}[update], covariances)
+    return _run(data, tuning, update, "extended", covariances)
 
 
-def _run(data: Observations, tuning: Tuning, kind: int, covariances: bool) -> Estimate:
-    n = len(data.baseline)
-    Phi, Q = kinematic(data.dt, tuning.q(data.dt))
-    c, w = spread(N, tuning.alpha, tuning.beta, tuning.kappa)
-    x_pred, P_pred, x, P = np.empty((n, N)), np.empty((n, N, N)), np.empty((n, N)), np.empty((n, N, N))
-    innovations = np.full((n, 4), np.nan)
-    failed = _filter(
-        kind, np.ascontiguousarray(data.baseline), np.ascontiguousarray(data.rate), data.prior_mean, data.prior_cov, Phi, Q,
-        tuning.sigma_r**2, tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
+def _sensors(data: Observations, tuning: Tuning, update: Update | None) -> list[Sensor]:
+    """The position, and where `update` is given the range-rate after it or in one vector with it."""
+    r, s = tuning.sigma_r**2, tuning.sigma_rr(data.dt) ** 2
+    if update == "simultaneous":
+        both = np.column_stack([data.baseline, data.rate])
+        return [Sensor(both, np.diag([r, r, r, s]), h=_observe_both)]
+    position = Sensor(data.baseline, r * np.eye(3), H=np.eye(3, N))
+    return [position, Sensor(data.rate[:, None], [[s]], h=_observe_rate)] if update else [position]
+
+
+def _run(data: Observations, tuning: Tuning, update: Update | None, kind: Kind, covariances: bool) -> Estimate:
+    dt = data.dt
+    Phi, Q = kinematic(dt, tuning.q(dt))
+    course = run(
+        Gaussian(data.prior_mean, data.prior_cov), dt * np.arange(len(data.baseline)), Model(F=Phi, Q=Q),
+        _sensors(data, tuning, update), kind, tuning.alpha, tuning.beta, tuning.kappa,
     )  # fmt: skip
-    if failed >= 0:
-        raise NotPositiveDefinite("covariance of the state or of the innovation", failed)
-    x_s, P_s = np.empty((n, N)), np.empty((n if covariances else 1, N, N))
-    failed = _smooth(x_pred, P_pred, x, P, Phi, Q, covariances, x_s, P_s)
-    if failed >= 0:
-        raise NotPositiveDefinite("predicted covariance", failed)
-    return Estimate(Trajectory(data.dt, x, P), Trajectory(data.dt, x_s, P_s if covariances else None), innovations)
+    smoothed = smooth(course, covariances)
+    innovations = np.full((len(data.baseline), 4), np.nan)
+    innovations[:, : course.whitened.shape[1]] = course.whitened
+    filtered = Trajectory(dt, course.mean, course.cov)
+    return Estimate(filtered, Trajectory(dt, smoothed.mean, smoothed.cov), innovations)
 
 
 @njit(cache=True)
@@ -157,111 +159,29 @@ def _range_rate_row(x, H):
     """Range-rate (45) of the state and its gradient H (9,): d/d(dr) = (dv - rate e) / rho, d/d(dv) = e."""
     rho = np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     rate = (x[0] * x[3] + x[1] * x[4] + x[2] * x[5]) / rho
-    for j in range(3):
+    for j in range(H.size):
+        H[j] = 0.0
+    for j in range(min(H.size, 3)):
         e = x[j] / rho
         H[j] = (x[3 + j] - rate * e) / rho
         H[3 + j] = e
-        H[6 + j] = 0.0
     return rate
 
 
-@njit(cache=True)
-def _position_update(x, P, z, r, H, innovation):
-    """Condition on the components of the relative position that are there; returns False where S is not positive."""
+@njit(OBSERVE, cache=True)
+def _observe_rate(t, x, u, p, h, H, R):
+    """Range-rate (53)."""
+    h[0] = _range_rate_row(x, H[0] if H.size else u)
+    return 0
+
+
+@njit(OBSERVE, cache=True)
+def _observe_both(t, x, u, p, h, H, R):
+    """Position (52) and range-rate (53) in one vector."""
     for j in range(3):
-        if np.isnan(z[j]):
-            continue
-        H[:] = 0.0
-        H[j] = 1.0
-        residual = z[j] - x[j]
-        S = scalar_update_step(x, P, residual, H, r)
-        if not S > 0.0:
-            return False
-        innovation[j] = residual / np.sqrt(S)
-    return True
-
-
-@njit(cache=True)
-def _filter(kind, baseline, rates, x0, P0, Phi, Q, r, s, c, w, x_pred, P_pred, x, P, innovations):
-    """All epochs forward; returns -1, or the epoch at which a covariance is not positive definite."""
-    n = len(rates)
-    H, chi, U = np.zeros(N), np.empty((SIGMA_POINTS, N)), np.empty((N, N))
-    gamma1, z1, R1, S1, white1 = (
-        np.empty((SIGMA_POINTS, 1)),
-        np.empty(1),
-        np.full((1, 1), s),
-        np.empty((1, 1)),
-        np.empty(1),
-    )
-    gamma4, z4, S4, white4 = np.empty((SIGMA_POINTS, 4)), np.empty(4), np.empty((4, 4)), np.empty(4)
-    R4, H4 = np.diag(np.array([r, r, r, s])), np.zeros((4, N))
-    for k in range(n):
-        if k == 0:
-            copy_state(x0, P0, x_pred[0], P_pred[0])
-        else:
-            predict_step(x[k - 1], P[k - 1], Phi, Q, x_pred[k], P_pred[k])
-        copy_state(x_pred[k], P_pred[k], x[k], P[k])
-        missing = np.isnan(rates[k])
-        joint = (kind == _EKF_JOINT or kind == _UKF_JOINT) and not missing and not np.isnan(baseline[k]).any()
-        if joint:
-            for j in range(3):
-                z4[j] = baseline[k, j]
-            z4[3] = rates[k]
-            if kind == _UKF_JOINT:
-                if sigma_points_step(x[k], P[k], c, chi, U) != 0:
-                    return k
-                for i in range(SIGMA_POINTS):
-                    for j in range(3):
-                        gamma4[i, j] = chi[i, j]
-                    gamma4[i, 3] = _range_rate_row(chi[i], H)
-                status = unscented_update_step(x[k], P[k], U, gamma4, z4, R4, c, w, S4, white4)
-            else:
-                H4[:] = 0.0
-                H4[0, 0] = H4[1, 1] = H4[2, 2] = 1.0
-                z4[3] -= _range_rate_row(x[k], H4[3])
-                for j in range(3):
-                    z4[j] -= x[k, j]
-                status = update_step(x[k], P[k], z4, H4, R4, S4, white4)
-            if status != 0:
-                return k
-            for j in range(4):
-                innovations[k, j] = white4[j]
-            continue
-        if not _position_update(x[k], P[k], baseline[k], r, H, innovations[k]):
-            return k
-        if kind == _POSITION_ONLY or missing:
-            continue
-        if kind == _UKF or kind == _UKF_JOINT:
-            if sigma_points_step(x[k], P[k], c, chi, U) != 0:
-                return k
-            for i in range(SIGMA_POINTS):
-                gamma1[i, 0] = _range_rate_row(chi[i], H)
-            z1[0] = rates[k]
-            if unscented_update_step(x[k], P[k], U, gamma1, z1, R1, c, w, S1, white1) != 0:
-                return k
-            innovations[k, 3] = white1[0]
-        else:
-            residual = rates[k] - _range_rate_row(x[k], H)
-            S = scalar_update_step(x[k], P[k], residual, H, s)
-            if not S > 0.0:
-                return k
-            innovations[k, 3] = residual / np.sqrt(S)
-    return -1
-
-
-@njit(cache=True)
-def _smooth(x_pred, P_pred, x, P, Phi, Q, covariances, x_s, P_s):
-    """All epochs backward; returns -1, or the epoch whose predicted covariance is not positive definite."""
-    n = len(x)
-    for j in range(N):
-        x_s[n - 1, j] = x[n - 1, j]
-    if covariances:
-        copy_state(x[n - 1], P[n - 1], x_s[n - 1], P_s[n - 1])
-    for k in range(n - 2, -1, -1):
-        if covariances:
-            status = rts_step(x[k], P[k], x_pred[k + 1], P_pred[k + 1], Phi, Q, x_s[k + 1], P_s[k + 1], x_s[k], P_s[k])
-        else:
-            status = rts_mean_step(x[k], P[k], x_pred[k + 1], P_pred[k + 1], Phi, x_s[k + 1], x_s[k])
-        if status != 0:
-            return k + 1
-    return -1
+        h[j] = x[j]
+    h[3] = _range_rate_row(x, H[3] if H.size else u)
+    for j in range(3 if H.size else 0):
+        H[j] = 0.0
+        H[j, j] = 1.0
+    return 0

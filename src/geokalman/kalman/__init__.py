@@ -2,7 +2,8 @@
 
 gaussian     Gaussian, Information, Innovation, Trajectory, Smoothed
 discretise   van Loan; kinematic and Gauss-Markov models
-linear       predict, update, filter_linear           extended, unscented   the same for nonlinear f and h
+model        Model, Sensor, Manifold                  run          the filter loop: linear, extended, unscented
+linear       predict, update, filter_linear           extended, unscented   predict, update for nonlinear f and h
 adaptive     adaptive factors of a prediction         robust       IGG-III, Huber, gate, equivalent weights
 smoothing    smooth (Rauch-Tung-Striebel)             information           smooth_two_filter, smooth_information
 consistency  nees, nis, whiteness, chi_square_bounds, monte_carlo
@@ -17,7 +18,6 @@ missing one; a mask elsewhere, units, dates, text and complex numbers are refuse
 from geokalman.kalman.adaptive import adaptive_update
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk
-from geokalman.kalman.extended import Sensor, filter_extended
 from geokalman.kalman.gaussian import (
     Gaussian,
     Information,
@@ -29,23 +29,24 @@ from geokalman.kalman.gaussian import (
 )
 from geokalman.kalman.information import smooth_information, smooth_two_filter
 from geokalman.kalman.linear import filter_linear
+from geokalman.kalman.model import Manifold, Model, Sensor
 from geokalman.kalman.robust import robust_update
+from geokalman.kalman.run import run
 from geokalman.kalman.smoothing import smooth
-from geokalman.kalman.unscented import filter_unscented
 
 __all__ = [
     "Gaussian",
     "Information",
     "Innovation",
+    "Manifold",
+    "Model",
     "NotPositiveDefinite",
     "Sensor",
     "Smoothed",
     "Trajectory",
     "adaptive_update",
     "chi_square_bounds",
-    "filter_extended",
     "filter_linear",
-    "filter_unscented",
     "gauss_markov",
     "gaussian",
     "integrated_white_noise",
@@ -53,6 +54,7 @@ __all__ = [
     "nees",
     "nis",
     "robust_update",
+    "run",
     "smooth",
     "smooth_information",
     "smooth_two_filter",

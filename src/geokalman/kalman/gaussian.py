@@ -94,11 +94,11 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """The smoothed states of N epochs, time first.  t : (N,) [s]; mean : (N, n); cov : (N, n, n)."""
+    """The smoothed states of N epochs, time first.  t : (N,) [s]; mean : (N, n); cov : (N, n, n), or None."""
 
     t: np.ndarray
     mean: np.ndarray
-    cov: np.ndarray
+    cov: np.ndarray | None
 
     def __len__(self) -> int:
         return len(self.t)

@@ -16,7 +16,6 @@ from numba import njit, typeof, types
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import is_jitted, register_jitable
 
-from geokalman.kalman.adaptive import innovation_step, inflate_step
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
 from geokalman.kalman.dense import copy_state, solve_upper
 from geokalman.kalman.gaussian import Gaussian, Trajectory, gaussian
@@ -432,9 +431,9 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
     def observe(t, x, u, p, h_out, H_out, R):
         nonlocal checked
         if not checked:
-            array(f"h(x) of sensor {i}", h(x, t), m)
+            array("h(x)", h(x, t), m)
             if H_out.size:
-                array(f"H(x) of sensor {i}", H(x, t), m, n)
+                array("H(x)", H(x, t), m, n)
             checked = True
         h_out[:] = h(x, t)
         if H_out.size:

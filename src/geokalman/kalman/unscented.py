@@ -14,16 +14,14 @@ d is at least `noise`, so that the update below leaves a positive definite covar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, scalar
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
-from geokalman.kalman.extended import NoiseCovariance, Sensor, noise_at, prepare
-from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
+from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
 from geokalman.kalman.linear import whiten
 
 
@@ -249,53 +247,6 @@ def update(
     z = array("z", z, None, missing=True)
     R = covariance("R", R, len(z))
     return _update(x, P, z, h, R, *spread(len(x), alpha, beta, kappa))
-
-
-def filter_unscented(
-    prior: Gaussian,
-    t,
-    f: Callable[[np.ndarray, float, float], np.ndarray],
-    Q: NoiseCovariance,
-    sensors: Sequence[Sensor],
-    alpha: float = 1.0,
-    beta: float = 2.0,
-    kappa: float = 0.0,
-) -> Trajectory:
-    """Unscented Kalman filter over N epochs; the sensors of an epoch are processed in order, each from redrawn points.
-
-    prior : Gaussian at t[0], before the observations of that epoch; t : (N,) [s]; f(x, t0, t1) : (n,) state at t1 from
-    that at t0; Q : (n, n), or Q(t0, t1); sensors : see `Sensor` (their H is not used); alpha, beta, kappa as in
-    `spread`.
-    Returns the Trajectory; its transition holds cross' P^-1 of each step, its process_noise what that leaves of the
-    predicted covariance, so that `smoothing.smooth` on it is the unscented RTS smoother (Sarkka 2008).
-    Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
-    """
-    prior, t, z, R, out = prepare(prior, t, sensors)
-    n = len(prior.mean)
-    c, w = spread(n, alpha, beta, kappa)
-    x, P = prior.mean.copy(), prior.cov.copy()
-    for k, now in enumerate(map(float, t)):
-        if k > 0:
-            before = float(t[k - 1])
-            noise = noise_at(Q, before, now, n)
-            step = partial(_at, f, before, now)
-            x, P, Phi, remainder = _propagate(x, P, step, noise, c, w, "filtered covariance", k - 1, before)
-            out.transition[k - 1], out.process_noise[k - 1] = Phi, remainder
-        out.predicted_mean[k], out.predicted_cov[k] = x, P
-        column = 0
-        for sensor, z_s, R_s in zip(sensors, z, R, strict=True):
-            m = z_s.shape[1]
-            h = partial(_at, sensor.h, now)
-            (x, P), innovation = _update(x, P, z_s[k], h, R_s[k % len(R_s)], c, w, k, now)
-            out.whitened[k, column : column + m] = innovation.whitened
-            column += m
-        out.mean[k], out.cov[k] = x, P
-    return out
-
-
-def _at(function, *arguments):
-    *times, x = arguments
-    return function(x, *times)
 
 
 def _draw(x, P, c, matrix, epoch=None, t=None) -> tuple[np.ndarray, np.ndarray]:
