@@ -75,6 +75,21 @@ def test_imports_are_those_of_the_whole_syntax_tree(path):
     assert sources.imported_modules(path.read_text(encoding="utf-8")) == ours
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import numpy; from geokalman import style",
+        "x = 1; import geokalman.style",
+        "if x: import geokalman.style",
+        "from geokalman import constants, \\\n    style",
+        "from geokalman import (constants,  # (of nature)\n    style)",
+        '"""An essay\nimport of goods"""\nimport geokalman.style',
+    ],
+)
+def test_no_import_is_missed_however_it_is_written(text):
+    assert "geokalman.style" in sources.imported_modules(text)
+
+
 def test_closure_holds_packages_on_the_way_and_itself():
     found = sources.closure({"geokalman.reproduce.atomic"})
     wanted = {

@@ -24,7 +24,9 @@ from geokalman import compilation
 PACKAGE = "geokalman"
 PACKAGE_DIR = Path(__file__).resolve().parent
 # Parsing these alone takes a twentieth of the time of parsing whole files, which every process would pay for.
-_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+[\w.]+[ \t]+import[ \t]*(?:\([^)]*\)|.*)|import[ \t].*)", re.MULTILINE)
+_IMPORT = re.compile(
+    r"(?:^|[;:])[ \t]*(from[ \t]+[\w.]+[ \t]+import[ \t]*(?:\([^)]*\)|.*)|import[ \t].*)", re.MULTILINE
+)
 _KEEP_COMPILED = 4  # compilation caches of earlier sources kept beside the present one
 
 
@@ -41,11 +43,11 @@ def imported_modules(source: str, package: str = "") -> set[str]:
     """Dotted names of the package's modules that the Python text `source` imports; `package` resolves relative
     imports."""
     found = set()
-    for statement in _IMPORT.findall(source):
-        try:
-            (node,) = ast.parse(statement.strip()).body
-        except (SyntaxError, ValueError):  # a sentence of a docstring that begins like an import
-            continue
+    try:
+        nodes = [node for statement in _IMPORT.findall(source) for node in ast.parse(statement).body]
+    except SyntaxError:  # an import over several lines, or a sentence that begins like one
+        nodes = list(ast.walk(ast.parse(source)))
+    for node in nodes:
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]

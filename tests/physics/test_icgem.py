@@ -458,7 +458,7 @@ YEARS = "20000101 20100101"
         (["gfct 2 0 -4.8e-4 0 2005111", *ROWS[2:]], {}, "'2005111' is no date"),
         (["gfct 2 0 -4.8e-4 0 20050101.5", *ROWS[2:]], {}, "'20050101.5' is no date"),
         (["gfct 2 0 -4.8e-4 0 2005.0", *ROWS[2:]], {}, "'2005.0' is no date"),
-        ([*ROWS, "\x1a"], {}, "begins no data line; they begin with gfc, gfct"),
+        ([*ROWS, "\x01"], {}, "begins no data line; they begin with gfc, gfct"),
         (["gfc 2 0 -0.48E-03-0.1E-09"], {}, "4 columns where 5 are needed"),
         (["gfc 2 0 **** 0"], {}, r"line 11: '\*\*\*\*' is not a number"),
         (["gfc 2 -1 0 0"], {}, "degree 2 and order -1 must satisfy"),
