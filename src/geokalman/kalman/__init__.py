@@ -1,12 +1,13 @@
 """The estimator core: Gaussians in, Gaussians out. It knows no physics; numpy, scipy and numba only.
 
-gaussian     Gaussian, Information, Innovation, Trajectory, Smoothed
-discretise   van Loan; kinematic and Gauss-Markov models
-model        Model, Sensor, Manifold                  run          the filter loop: linear, extended, unscented
-linear       predict, update, filter_linear           extended, unscented   predict, update for nonlinear f and h
-adaptive     adaptive factors of a prediction         robust       IGG-III, Huber, gate, equivalent weights
+model        Model, Sensor, Manifold: what a filter believes, as matrices, Python functions or compiled functions
+run          run: check, then filter all epochs by `loop`, the one filter loop: linear, extended, unscented, on manifolds
 smoothing    smooth (Rauch-Tung-Striebel)             information           smooth_two_filter, smooth_information
+adaptive     Adaptive: hooks that judge a prediction  robust       IGG-III, Huber, gate, equivalent weights
 consistency  nees, nis, whiteness, chi_square_bounds, monte_carlo
+gaussian     Gaussian, Information, Innovation, Trajectory, Smoothed, Stopped
+linear, extended, unscented                           predict, update: one step by hand
+discretise   van Loan; kinematic and Gauss-Markov models
 dense, checks   small matrix kernels; checks at the border
 
 Functions named ``*_step`` and ``*_loop`` are compiled kernels on plain float64 arrays, callable from Python and by name
@@ -15,7 +16,7 @@ checks its arguments and raises ValueError, or its kind NotPositiveDefinite with
 missing one; a mask elsewhere, units, dates, text and complex numbers are refused (`checks.plain`).
 """
 
-from geokalman.kalman.adaptive import adaptive_update
+from geokalman.kalman.adaptive import Adaptive
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk
 from geokalman.kalman.gaussian import (
@@ -24,17 +25,17 @@ from geokalman.kalman.gaussian import (
     Innovation,
     NotPositiveDefinite,
     Smoothed,
+    Stopped,
     Trajectory,
     gaussian,
 )
 from geokalman.kalman.information import smooth_information, smooth_two_filter
-from geokalman.kalman.linear import filter_linear
 from geokalman.kalman.model import Manifold, Model, Sensor
-from geokalman.kalman.robust import robust_update
 from geokalman.kalman.run import run
 from geokalman.kalman.smoothing import smooth
 
 __all__ = [
+    "Adaptive",
     "Gaussian",
     "Information",
     "Innovation",
@@ -43,17 +44,15 @@ __all__ = [
     "NotPositiveDefinite",
     "Sensor",
     "Smoothed",
+    "Stopped",
     "Trajectory",
-    "adaptive_update",
     "chi_square_bounds",
-    "filter_linear",
     "gauss_markov",
     "gaussian",
     "integrated_white_noise",
     "monte_carlo",
     "nees",
     "nis",
-    "robust_update",
     "run",
     "smooth",
     "smooth_information",

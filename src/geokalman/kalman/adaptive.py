@@ -15,16 +15,27 @@ The unwhitened forms, kept below as `trace_factor` and `norm_ratio`, are ruled b
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import scalar, whole
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
-from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
-from geokalman.kalman.linear import update_step, whiten
-from geokalman.kalman.robust import igg3
+from geokalman.kalman.linear import whiten
+from geokalman.kalman.robust import FLOOR, equivalent_weights_step, igg3, innovation_weights_step, thresholds
+
+HOOKS = {
+    "ratio": 1, "three_part": 2, "two_part": 3, "trace": 4, "norm": 5, "innovations": 6, "discrepancy": 7, "robust": 8,
+    "literal": 9,
+}  # fmt: skip
+"""Hooks of `run` by name. Of the innovation: `ratio` (17), `three_part` and `two_part` factors of the predicted residual,
+unwhitened `trace` and `norm`, and `innovations`, IGG-III weights without a factor. Of the states that one epoch
+determines: the three-part factor of `discrepancy` (18), with equivalent weights as well `robust` (19)-(21), and
+unwhitened `literal`."""
+_RATIO, _THREE_PART, _TWO_PART, _TRACE, _NORM, _INNOVATIONS, _DISCREPANCY, _ROBUST, _LITERAL = range(1, 10)
+PASSES = 4
+"""Iterations of the equivalent weights."""
 
 
 @njit(cache=True)
@@ -155,37 +166,78 @@ def inflate_step(P: np.ndarray, alpha: float) -> None:
                 P[i, j] /= alpha
 
 
-def adaptive_update(
-    prior: Gaussian, z, H, R, factor: Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float]
-) -> tuple[Gaussian, Innovation, float]:
-    """Condition a Gaussian on z = H x + v after its covariance was divided by an adaptive factor alpha.
+@dataclass(frozen=True, kw_only=True)
+class Adaptive:
+    """A hook of `run`: judge each prediction, or each observation, by the innovation, before the update.
 
-    factor(residual, S, R, whitened) gives alpha in (0, 1], e.g. ``lambda V, S, R, w:
-    three_part(predicted_residual(w), 1.5, 2.5, 1e-3)``;
-    z : (m,), NaN where missing (left out before); H : (m, n); R : (m, m). A gap leaves the prior as it is, alpha = 1.
-    Returns the posterior, the innovation with S of the prior before the division, and alpha.
-    Raises ValueError for wrong input and a factor outside (0, 1], NotPositiveDefinite for S. Source: mars-pulsar (21).
+    by : a name of `HOOKS`; k0, k1 : thresholds of factor and weights; floor : smallest factor; states : number of leading
+    states that the observations of one epoch determine, for the hooks that solve for them (others ignore it).
+    Raises ValueError for an unknown name, thresholds out of order and a floor outside (0, 1].
     """
-    x, P = gaussian(*prior)
-    z = array("z", z, None, missing=True)
-    H, R = array("H", H, len(z), len(x)), covariance("R", R, len(z))
-    seen = np.flatnonzero(~np.isnan(z))
-    residual, S, whitened = z - H @ x, np.full((len(z), len(z)), np.nan), np.full(len(z), np.nan)
-    if seen.size == 0:
-        return Gaussian(x, P), Innovation(residual, S, whitened), 1.0
-    inner = np.ix_(seen, seen)
-    Hs, Rs, rs = np.ascontiguousarray(H[seen]), np.ascontiguousarray(R[inner]), residual[seen]
-    S_seen, white = np.empty_like(Rs), np.empty(seen.size)
-    status = innovation_step(P, rs, Hs, Rs, S_seen, white)
-    if status == 0:
-        alpha = float(factor(rs, S_seen, Rs, white))
-        if not 0.0 < alpha <= 1.0:
-            raise ValueError(f"the adaptive factor is {alpha}: it must be above 0 and at most 1")
-        inflate_step(P, alpha)
-        S[inner], whitened[seen] = S_seen, white
-        status = update_step(x, P, rs, Hs, Rs, np.empty_like(Rs), np.empty(seen.size))
+
+    by: str
+    k0: float = 1.5
+    k1: float = 2.5
+    floor: float = 1e-3
+    states: int = 3
+
+    def __post_init__(self) -> None:
+        if self.by not in HOOKS:
+            raise ValueError(f"the hook {self.by!r} is unknown: the hooks are {', '.join(HOOKS)}")
+        thresholds(self.k0, self.k1)
+        if not 0.0 < scalar("floor", self.floor) <= 1.0:
+            raise ValueError(f"floor = {self.floor:g} of the adaptive factor: it must be above 0 and at most 1")
+        if whole("states", self.states) < 1:
+            raise ValueError(f"states = {self.states}: at least one state must be determined")
+
+
+@njit(cache=True)
+def adapt_step(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
+    """Judge one epoch: P becomes P / alpha, R_ab becomes R_ab / sqrt(w_a w_b), both in place.
+
+    by : a code of `HOOKS`; P : (n, n) predicted; residual : (m,); H : (m, n); R : (m, m) [sensor units]; outputs
+    whitened : (m,), the innovation before any change, and weights : (m,), which come in as ones.
+    Returns (status, alpha): status as in `innovation_step`, or 1 where a statistic has no root; alpha is NaN where the
+    observations do not determine the states, and nothing was changed.
+    Source: mars-pulsar (17)-(21).
+    """
+    m = residual.size
+    S = np.empty((m, m))
+    status = innovation_step(P, residual, H, R, S, whitened)
     if status != 0:
-        raise NotPositiveDefinite(
-            "innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive"
+        return status, 1.0
+    alpha = 1.0
+    if by == _RATIO:
+        alpha = ratio_factor(residual, S, R, floor)
+    elif by == _THREE_PART:
+        alpha = three_part(predicted_residual(whitened), k0, k1, floor)
+    elif by == _TWO_PART:
+        alpha = two_part(predicted_residual(whitened), k0, floor)
+    elif by == _TRACE:
+        alpha = trace_factor(residual, S, R, floor)
+    elif by == _NORM:
+        alpha = three_part(norm_ratio(residual, S), k0, k1, floor)
+    elif by == _INNOVATIONS:
+        innovation_weights_step(residual, S, k0, k1, weights)
+    else:
+        d, U = np.empty(states), np.empty((states, states))
+        variance = np.diag(R).copy()
+        found = equivalent_weights_step(
+            np.ascontiguousarray(H[:, :states]), residual, variance, k0, k1, PASSES if by == _ROBUST else 1, d, U, weights
         )
-    return Gaussian(x, P), Innovation(residual, S, whitened), alpha
+        if found != 0:
+            weights[:] = 1.0
+            return 0, np.nan
+        if by != _ROBUST:
+            weights[:] = 1.0
+        leading = np.ascontiguousarray(P[:states, :states])
+        s = np.sqrt((d * d).sum() / np.trace(leading)) if by == _LITERAL else state_discrepancy(d, leading, U)
+        if np.isnan(s):
+            return 1, 1.0
+        alpha = three_part(s, k0, k1, floor)
+    inflate_step(P, alpha)
+    for a in range(m):
+        for b in range(m):
+            if R[a, b] != 0.0:
+                R[a, b] /= max(weights[a], FLOOR) if a == b else np.sqrt(max(weights[a], FLOOR) * max(weights[b], FLOOR))
+    return 0, alpha

@@ -18,11 +18,11 @@ class NotPositiveDefinite(ValueError):
     """A covariance that must be positive definite is not.
 
     matrix : its name, e.g. "innovation covariance"; epoch : index of the epoch, None outside a run; t : its time [s] or
-    None.
+    None; course : the Trajectory of a run until then, else None.
     """
 
     def __init__(self, matrix: str, epoch: int | None = None, t: float | None = None, detail: str = "") -> None:
-        self.matrix, self.epoch, self.t = matrix, epoch, t
+        self.matrix, self.epoch, self.t, self.course = matrix, epoch, t, None
         where = "" if epoch is None else f" at epoch {epoch}" + ("" if t is None else f" (t = {t:g} s)")
         super().__init__(f"the {matrix} is not positive definite{where}{': ' + detail if detail else ''}")
 
@@ -188,12 +188,13 @@ def matrices(name: str, value, count: int, rows: int, columns: int) -> np.ndarra
     return array(name, value, count, rows, columns)
 
 
-def epochs(t) -> np.ndarray:
-    """Checked epochs (N,) [s]: finite, strictly increasing, at least one."""
+def epochs(t, repeated: bool = False) -> np.ndarray:
+    """Checked epochs (N,) [s]: finite, at least one, increasing; `repeated` admits equal neighbours."""
     times = array("t", t, None)
     if times.size == 0:
         raise ValueError("t is empty, there must be at least one epoch")
-    if not (np.diff(times) > 0.0).all():
-        k = int(np.argmax(np.diff(times) <= 0.0))
+    back = np.diff(times) < 0.0 if repeated else np.diff(times) <= 0.0
+    if back.any():
+        k = int(np.argmax(back))
         raise ValueError(f"t[{k + 1}] = {times[k + 1]} does not come after t[{k}] = {times[k]}: epochs must increase")
     return times

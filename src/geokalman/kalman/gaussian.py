@@ -8,8 +8,33 @@ from typing import NamedTuple
 import numpy as np
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain
+from geokalman.kalman.model import Manifold
 
-__all__ = ["Gaussian", "Information", "Innovation", "NotPositiveDefinite", "Smoothed", "Trajectory", "gaussian"]
+__all__ = [
+    "Gaussian",
+    "Information",
+    "Innovation",
+    "NotPositiveDefinite",
+    "Smoothed",
+    "Stopped",
+    "Trajectory",
+    "gaussian",
+]
+
+
+class Stopped(ArithmeticError):
+    """A run that a function of its model or sensor stopped.
+
+    who : "model" or "sensor"; epoch, t [s] : where; code : what the function returned; course : the Trajectory until
+    then.
+    """
+
+    def __init__(self, who: str, epoch: int, t: float, code: int) -> None:
+        self.who, self.epoch, self.t, self.code, self.course = who, epoch, t, code, None
+        super().__init__(f"the {who} stopped at epoch {epoch} (t = {t:g} s) with code {code}")
+
+    def __reduce__(self):
+        return Stopped, (self.who, self.epoch, self.t, self.code)
 
 
 class Gaussian(NamedTuple):
@@ -50,7 +75,9 @@ class Trajectory:
 
     t : (N,) [s]; predicted_mean, mean : (N, n) before and after the update; predicted_cov, cov : (N, n, n);
     whitened : (N, m) innovations, NaN where missing; step : (N - 1,) index into transition, process_noise : (K, n, n)
-    for the step from epoch k to k + 1 (an extended or unscented filter keeps its linearisation there).
+    for the step from epoch k to k + 1 (an extended or unscented filter keeps its linearisation there);
+    alpha : (N,) factors and weights : (N, m) of an adaptive hook, else None. On a manifold the means have as many columns
+    as the state needs, and n counts the components of its error.
     Raises ValueError for arrays that carry more than numbers or do not fit one another.
     """
 
@@ -63,15 +90,19 @@ class Trajectory:
     transition: np.ndarray
     process_noise: np.ndarray
     step: np.ndarray
+    alpha: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    manifold: Manifold | None = None
 
     def __post_init__(self) -> None:
-        for item in fields(self)[:-1]:  # all but step, which holds indices
+        for item in fields(self)[:8]:  # step holds indices
             values = plain(item.name, getattr(self, item.name), missing=item.name == "whitened")
             object.__setattr__(self, item.name, values)
-        N, n = self.t.size, self.mean.shape[-1] if self.mean.ndim else 0
+        N, n = self.t.size, self.cov.shape[-1] if self.cov.ndim else 0
+        nx = n if self.manifold is None else None
         for name, shape in {
-            "predicted_mean": (N, n), "mean": (N, n), "predicted_cov": (N, n, n), "cov": (N, n, n),
-            "whitened": (N, None), "transition": (None, n, n), "process_noise": (None, n, n), "step": (N - 1,),
+            "predicted_mean": (N, nx), "mean": (N, nx), "predicted_cov": (N, n, n), "cov": (N, n, n),
+            "whitened": (N, None), "transition": (None, n, n), "process_noise": (None, n, n), "step": (max(N - 1, 0),),
         }.items():  # fmt: skip
             have = np.shape(getattr(self, name))
             if len(have) != len(shape) or any(want not in (None, h) for want, h in zip(shape, have, strict=True)):

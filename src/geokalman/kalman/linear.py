@@ -1,4 +1,4 @@
-"""The linear Kalman filter: predict, update (Joseph form; joint or component by component), and a run over epochs.
+"""The linear Kalman filter: predict, and update in Joseph form, jointly or component by component.
 
 The functions named ``*_step`` are compiled kernels on plain float64 arrays, callable from Python and by name from a
 compiled loop; they trust their arguments. Above them stand the same operations on Gaussians, checked at the border.
@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices
-from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper, symmetrise
-from geokalman.kalman.gaussian import Gaussian, Innovation, Trajectory, gaussian
+from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, matrices
+from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
 
 Transition = tuple[np.ndarray, np.ndarray] | Callable[[float], tuple[np.ndarray, np.ndarray]]
 
@@ -183,56 +183,56 @@ def observed_update_step(
     x : (n,); P : (n, n); z : (m,); H : (m, n); R : (m, m); output whitened : (m,), NaN where z is.
     Returns 0; k >= 1 where the innovation covariance, -k where R is not positive definite in observed component k - 1.
     """
-    m, n = H.shape
-    count = 0
-    diagonal = True
-    seen = np.empty(m, np.int64)
-    for a in range(m):
-        whitened[a] = np.nan
-        if not np.isnan(z[a]):
-            for b in range(count):
-                if R[a, seen[b]] != 0.0:
-                    diagonal = False
-            seen[count] = a
-            count += 1
-    if count == 0:
-        return 0
-    if sequential and diagonal:
+    whitened[:] = np.nan
+    seen, z_seen, H_seen, R_seen = rows_seen(z, H, R)
+    count = seen.size
+    if sequential and np.count_nonzero(R_seen) == np.count_nonzero(np.diag(R_seen)):
         for b in range(count):
-            a = seen[b]
-            status = _sequential_component(x, P, z[a], H[a], R[a, a], a, whitened)
+            status = _sequential_component(x, P, z_seen[b], H_seen[b], R_seen[b, b], seen[b], whitened)
             if status != 0:
                 return b + 1
         return 0
-    R_seen, H_seen, z_seen = np.empty((count, count)), np.empty((count, n)), np.empty((count, 1))
-    for b in range(count):
-        for d in range(count):
-            R_seen[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        for j in range(n):
-            H_seen[b, j] = H[seen[b], j]
-        z_seen[b, 0] = z[seen[b]]
     if sequential:
         status = cholesky_upper(R_seen, R_seen)
         if status != 0:
             return -status
         solve_lower(R_seen, H_seen)
-        solve_lower(R_seen, z_seen)
+        column = z_seen.reshape((count, 1))
+        solve_lower(R_seen, column)
         for b in range(count):
-            status = _sequential_component(x, P, z_seen[b, 0], H_seen[b], 1.0, seen[b], whitened)
+            status = _sequential_component(x, P, column[b, 0], H_seen[b], 1.0, seen[b], whitened)
             if status != 0:
                 return b + 1
         return 0
-    residual = np.empty(count)
     for b in range(count):
-        residual[b] = z_seen[b, 0]
-        for j in range(n):
-            residual[b] -= H_seen[b, j] * x[j]
+        for j in range(x.size):
+            z_seen[b] -= H_seen[b, j] * x[j]
     w = np.empty(count)
-    status = update_step(x, P, residual, H_seen, R_seen, np.empty((count, count)), w)
+    status = update_step(x, P, z_seen, H_seen, R_seen, np.empty((count, count)), w)
     if status == 0:
         for b in range(count):
             whitened[seen[b]] = w[b]
     return status
+
+
+@njit(cache=True)
+def rows_seen(z, H, R):
+    """Places of the components of z that are not NaN, and copies of z, the rows of H, and R (symmetric) of them."""
+    m, n = H.shape
+    seen = np.empty(m, np.int64)
+    count = 0
+    for a in range(m):
+        if not np.isnan(z[a]):
+            seen[count] = a
+            count += 1
+    z_seen, H_seen, R_seen = np.empty(count), np.empty((count, n)), np.empty((count, count))
+    for b in range(count):
+        z_seen[b] = z[seen[b]]
+        for j in range(n):
+            H_seen[b, j] = H[seen[b], j]
+        for d in range(count):
+            R_seen[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
+    return seen[:count], z_seen, H_seen, R_seen
 
 
 @njit(cache=True)
@@ -247,39 +247,6 @@ def _sequential_component(
         return 1
     whitened[a] = residual / np.sqrt(S)
     return 0
-
-
-@njit(cache=True)
-def filter_loop(
-    z: np.ndarray,
-    H: np.ndarray,
-    R: np.ndarray,
-    Phi: np.ndarray,
-    Q: np.ndarray,
-    step: np.ndarray,
-    sequential: bool,
-    predicted_mean: np.ndarray,
-    predicted_cov: np.ndarray,
-    mean: np.ndarray,
-    cov: np.ndarray,
-    whitened: np.ndarray,
-) -> tuple[int, int]:
-    """Filter N epochs; predicted_mean[0], predicted_cov[0] hold the prior, the rest of the last five arrays is output.
-
-    z : (N, m), NaN where missing; H : (N or 1, m, n); R : (N or 1, m, m); Phi, Q : (K, n, n) chosen by step : (N - 1,).
-    Returns (epoch, status) of the first failing update as in `observed_update_step`, or (-1, 0).
-    """
-    for k in range(z.shape[0]):
-        if k > 0:
-            s = step[k - 1]
-            predict_step(mean[k - 1], cov[k - 1], Phi[s], Q[s], predicted_mean[k], predicted_cov[k])
-        copy_state(predicted_mean[k], predicted_cov[k], mean[k], cov[k])
-        H_k = H[k] if H.shape[0] > 1 else H[0]
-        R_k = R[k] if R.shape[0] > 1 else R[0]
-        status = observed_update_step(mean[k], cov[k], z[k], H_k, R_k, sequential, whitened[k])
-        if status != 0:
-            return k, status
-    return -1, 0
 
 
 def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
@@ -315,38 +282,12 @@ def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian
     return Gaussian(x, P), Innovation(residual, 0.5 * (S + S.T), whitened)
 
 
-def filter_linear(prior: Gaussian, t, z, H, R, transition: Transition, sequential: bool = True) -> Trajectory:
-    """Kalman filter over N epochs with gaps, missing components and irregular steps.
-
-    prior : Gaussian at t[0], before the observation of that epoch; t : (N,) [s], increasing; z : (N, m), NaN where a
-    component (a whole row: an epoch) is missing; H : (m, n) or (N, m, n); R : (m, m) or (N, m, m);
-    transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
-    (Phi, Q), called once for each different step; sequential : scalar updates (fast) or one joint update per epoch.
-    Returns the Trajectory. Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
-    A covariance matrix of doubles holds variances across states over some 15 digits: for a prior that knows far less
-    than the first observations, in directions that mix states, see `information.smooth_information`.
-    """
-    prior = gaussian(*prior)
-    t = epochs(t)
-    N, n = len(t), len(prior.mean)
-    z = array("z", z, N, None, missing=True)
-    m = z.shape[1]
-    H, R = matrices("H", H, N, m, n), covariances("R", R, N, m)
-    Phi, Q, step = steps(transition, t, n)
-    predicted_mean, mean = np.empty((N, n)), np.empty((N, n))
-    predicted_cov, cov = np.empty((N, n, n)), np.empty((N, n, n))
-    whitened = np.empty((N, m))
-    predicted_mean[0], predicted_cov[0] = prior
-    epoch, status = filter_loop(z, H, R, Phi, Q, step, sequential, predicted_mean, predicted_cov, mean, cov, whitened)
-    _raise(status, epoch, t)
-    return Trajectory(t, predicted_mean, predicted_cov, mean, cov, whitened, Phi, Q, step)
-
-
 def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is
     which.
 
-    transition : as in `filter_linear`; t : (N,) checked epochs. Raises ValueError for matrices of a wrong shape.
+    transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
+    (Phi, Q), called once for each different step; t : (N,) checked epochs. Raises ValueError for matrices of a wrong shape.
     """
     count = len(t) - 1
     if callable(transition):
@@ -366,8 +307,7 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
     return Phi, Q, np.arange(count)
 
 
-def _raise(status: int, epoch: int | None = None, t: np.ndarray | None = None) -> None:
+def _raise(status: int) -> None:
     if status != 0:
         matrix = "innovation covariance" if status > 0 else "observation noise covariance"
-        detail = f"the pivot of observed component {abs(status) - 1} is not positive"
-        raise NotPositiveDefinite(matrix, epoch, None if t is None else float(t[epoch]), detail)
+        raise NotPositiveDefinite(matrix, detail=f"the pivot of observed component {abs(status) - 1} is not positive")

@@ -1,8 +1,8 @@
 """What a filter believes: a model of the motion and sensors, as matrices, Python functions or compiled functions.
 
 Compiled functions (`numba.njit` with the signatures below) write into the arrays that they are given and return 0, or a
-positive number of their own that stops the run. An array of size zero is not wanted. `u` is the row of the inputs for
-this step or epoch, `p` the parameters.
+positive number of their own that stops the run. An array of size zero is not wanted. u is the row of the inputs for
+this step or epoch, p the parameters.
 
     PROPAGATE(t0, t1, x, u, p, x_out, F, Q)   state at t1 from that at t0, its Jacobian and the noise of the step
     OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R holds the sensor's, may be changed
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit, types
+from numba.extending import is_jitted
 
 vector = types.float64[::1]
 matrix = types.float64[:, ::1]
@@ -43,8 +44,10 @@ def subtract(x, y, d):
 
 @dataclass(frozen=True, kw_only=True)
 class Manifold:
-    """A state space that is not flat: compiled `RETRACT` and `DIFFERENCE`, and the number n of components of an error.
+    """A state space that is not flat: x [+] d retracts an error d (n,) into a state, y [-] x is the error from x to y.
 
+    retract, difference : compiled, `RETRACT` and `DIFFERENCE`; or Python functions retract(x, d) -> x [+] d and
+    difference(x, y) -> y [-] x. n : number of components of an error.
     Source: Hertzberg et al. (2013), Information Fusion 14, 57-77.
     """
 
@@ -52,15 +55,37 @@ class Manifold:
     difference: Callable
     n: int
 
+    @property
+    def compiled(self) -> bool:
+        """Are both functions compiled?"""
+        return is_jitted(self.retract) and is_jitted(self.difference)
+
+    def kernels(self) -> tuple[Callable, Callable]:
+        """Both functions with the compiled signatures, Python functions wrapped."""
+        if self.compiled:
+            return self.retract, self.difference
+
+        def retract(x, d, x_out):
+            x_out[:] = self.retract(x, d)
+
+        def difference(x, y, d):
+            d[:] = self.difference(x, y)
+
+        return retract, difference
+
+
+FLAT = Manifold(retract=add, difference=subtract, n=0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
     """Motion x_next = f(x) + w, w ~ N(0, Q), in one of three forms.
 
-    linear   : F, Q matrices (n, n), stacks (N - 1, n, n), or F(h), giving the pair for a step of h [s]
-    Python   : f(x, t0, t1) : (n,), F(x, t0, t1) : (n, n) = df/dx (extended filter only), Q : (n, n) or Q(t0, t1)
-    compiled : f with the signature `PROPAGATE`, inputs : (N - 1, i), params : (p,); F and Q are not given
-    manifold : where the state is no vector (compiled form only); the prior's cov is that of the error
+    linear   : F, Q matrices (n, n), stacks (N - 1, n, n), or F(h), which gives the pair for a step of h [s]
+    Python   : f(x, t0, t1) : (n,), F(x, t0, t1) : (n, n) = df/dx (extended filter only), Q a matrix, a stack or Q(t0, t1)
+    compiled : f with the signature `PROPAGATE`, inputs : (N - 1, i), params : (p,); Q is what f finds in its argument
+               Q, and may write; F is not given
+    manifold : where the state is no vector (extended filter only); the prior's cov is then that of the error
     """
 
     f: Callable | None = None
@@ -79,8 +104,8 @@ class Sensor:
     linear   : H : (m, n) or (N, m, n), no h; sequential: component by component (fast), else jointly
     Python   : h(x, t) : (m,) and H(x, t) : (m, n) = dh/dx, needed by the extended filter only
     compiled : h with the signature `OBSERVE`, inputs : (N, i), params : (p,)
-    Observations in one sensor are processed jointly at one linearisation, sensors one after the other, each at the
-    state that the one before left.
+    What one sensor observes in an epoch is processed jointly at one linearisation; sensors follow one another, each at
+    the state that the one before left. On a manifold H is the derivative by the error.
     """
 
     z: Any

@@ -17,10 +17,9 @@ import numpy as np
 from numba import njit
 from scipy.special import gammaincinv
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plain, scalar
+from geokalman.kalman.checks import array, plain, scalar
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
-from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
-from geokalman.kalman.linear import update_step
+from geokalman.kalman.gaussian import Innovation
 
 FLOOR = 1e-8
 """Smallest weight: an observation that is refused keeps a finite variance, 1e8 times its own."""
@@ -161,41 +160,6 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     w = plain("whitened", innovation.whitened, missing=True)
     w = w[~np.isnan(w)]
     return bool(w.size == 0 or (w**2).sum() <= 2.0 * gammaincinv(0.5 * w.size, probability))
-
-
-def robust_update(
-    prior: Gaussian, z, H, R, k0: float = 3.0, k1: float = 8.0
-) -> tuple[Gaussian, Innovation, np.ndarray]:
-    """Condition a Gaussian on z = H x + v with IGG-III weights w of the innovations: R_ab becomes R_ab / sqrt(w_a w_b).
-
-    w_a = igg3(V_a / sqrt(S_aa)); k1 = inf gives Huber's weights. z : (m,), NaN where missing; H : (m, n); R : (m, m).
-    Returns the posterior, the innovation with its unweighted S, and the weights (m,), NaN where z is.
-    Raises ValueError for wrong input and thresholds out of order, NotPositiveDefinite for S.
-    """
-    x, P = gaussian(*prior)
-    z = array("z", z, None, missing=True)
-    H, R = array("H", H, len(z), len(x)), covariance("R", R, len(z))
-    thresholds(k0, k1)
-    seen = np.flatnonzero(~np.isnan(z))
-    whitened, weights = np.full((2, len(z)), np.nan)
-    residual, S = z - H @ x, H @ P @ H.T + R
-    S = 0.5 * (S + S.T)
-    if seen.size:
-        inner = np.ix_(seen, seen)
-        w, white, scratch = np.empty(seen.size), np.empty(seen.size), np.empty((seen.size, seen.size))
-        Hs, rs = np.ascontiguousarray(H[seen]), residual[seen]
-        status = cholesky_upper(np.ascontiguousarray(S[inner]), scratch)
-        if status == 0:
-            white = np.linalg.solve(scratch.T, rs)
-            innovation_weights_step(rs, np.ascontiguousarray(S[inner]), k0, k1, w)
-            inflated = R[inner] / np.sqrt(w[:, None] * w)
-            status = update_step(x, P, rs, Hs, inflated, scratch, np.empty(seen.size))
-        if status != 0:
-            raise NotPositiveDefinite(
-                "innovation covariance", detail=f"the pivot of observed component {status - 1} is not positive"
-            )
-        whitened[seen], weights[seen] = white, w
-    return Gaussian(x, P), Innovation(residual, S, whitened), weights
 
 
 def thresholds(k0: float, k1: float) -> None:

@@ -1,14 +1,22 @@
-"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); the two-filter form of the same posterior is
-`information`."""
+"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); `information` has the two-filter form of the same.
+
+On a manifold the error lives in a tangent space, R^n: the smoother estimates it again from the next epoch, and a
+retraction puts it into the state (Lefferts, Markley & Shuster 1982, J. Guidance 5(5), 417-429).
+"""
 
 from __future__ import annotations
 
+import functools
+import warnings
+
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper
 from geokalman.kalman.gaussian import Smoothed, Trajectory
+from geokalman.kalman.model import DIFFERENCE, RETRACT
 
 
 @njit(cache=True)
@@ -161,28 +169,60 @@ def rts_loop(
     return -1, 0
 
 
+def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_out):
+    """Smooth N epochs backward: d = C (x_next [-] predicted), C = P Phi' P_predicted^-1, x_out = mean [+] d.
+
+    Arrays as in `rts_loop`, with states (N, nx) and errors of n components; outputs x_out : (N, nx) and
+    P_out : (N, n, n). Returns (epoch, status) of the first predicted covariance without a root, or (-1, 0).
+    """
+    last, n = mean.shape[0] - 1, cov.shape[1]
+    x_out[last] = mean[last]
+    P_out[last] = cov[last]
+    zero, d_next, d = np.zeros(n), np.empty(n), np.empty(n)
+    for k in range(last - 1, -1, -1):
+        s = step[k]
+        difference(predicted_mean[k + 1], x_out[k + 1], d_next)
+        status = rts_step(zero, cov[k], zero, predicted_cov[k + 1], Phi[s], Q[s], d_next, P_out[k + 1], d, P_out[k])
+        if status != 0:
+            return k + 1, status
+        retract(mean[k], d, x_out[k])
+    return -1, 0
+
+
+@functools.cache
+def compiled_error_rts_loop():
+    """The loop as machine code."""
+    table, stack = types.float64[:, ::1], types.float64[:, :, ::1]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        signature = types.UniTuple(types.int64, 2)(
+            types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), table, stack, table, stack, stack, stack,
+            types.int64[::1], table, stack,
+        )  # fmt: skip
+        return njit([signature], cache=True, nogil=True)(error_rts_loop)
+
+
 def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
     """Rauch-Tung-Striebel smoother of a filtered trajectory, linear, extended or unscented.
 
     C = P Phi' (P_predicted)^-1,  mean = x + C (mean_next - x_predicted),
     cov = (I - C Phi) P (I - C Phi)' + C (Q + cov_next) C'.
-    course : the Trajectory of `run` or `filter_linear`; covariances : smooth them too (without them, None in the result,
+    course : the Trajectory of `run`; covariances : smooth them too (without them, None in the result,
     it takes a quarter of the time).
     Returns the Smoothed states. Raises NotPositiveDefinite with the epoch of a predicted covariance without full rank.
     Source: Rauch, Tung and Striebel (1965), AIAA J. 3, 1445-1450; for sigma points Sarkka (2008).
     """
-    mean, cov = np.empty_like(course.mean), np.empty_like(course.cov[: None if covariances else 0])
-    epoch, status = rts_loop(
-        course.mean,
-        course.cov,
-        course.predicted_mean,
-        course.predicted_cov,
-        course.transition,
-        course.process_noise,
-        course.step,
-        mean,
-        cov,
-    )
+    flat = course.manifold is None
+    mean, cov = np.empty_like(course.mean), np.empty_like(course.cov[: None if covariances or not flat else 0])
+    arrays = (
+        course.mean, course.cov, course.predicted_mean, course.predicted_cov, course.transition, course.process_noise,
+        course.step, mean, cov,
+    )  # fmt: skip
+    if flat:
+        epoch, status = rts_loop(*arrays)
+    else:
+        loop = compiled_error_rts_loop() if course.manifold.compiled else error_rts_loop
+        epoch, status = loop(*course.manifold.kernels(), *arrays)
     if status != 0:
         detail = f"its Cholesky pivot {status - 1} is not positive"
         raise NotPositiveDefinite("predicted covariance", epoch, float(course.t[epoch]), detail)

@@ -1,0 +1,374 @@
+"""The filter loop: all epochs and sensors forward, for every model and kind of filter, in one function.
+
+`run` checks what a user gives and hands plain arrays to `loop`. Where the functions of model and sensors are compiled,
+so is the loop (`compiled`); where they are Python functions, the same lines run as Python.
+"""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, types
+from numba.core.errors import NumbaExperimentalFeatureWarning
+from numba.extending import register_jitable
+
+from geokalman.kalman.adaptive import adapt_step
+from geokalman.kalman.dense import copy_state, solve_upper
+from geokalman.kalman.linear import observed_update_step, predict_step, rows_seen, scalar_update_step, update_step
+from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, vector
+from geokalman.kalman.unscented import sigma_points_step, transform_step, unscented_update_step
+
+LINEAR, EXTENDED, UNSCENTED = range(3)
+PREDICTION, INNOVATION, NOISE, DRAW, MODEL, SENSOR = range(1, 7)
+"""What failed: a root of the filtered covariance, of the innovation covariance, of the sensor's noise, of the prior
+covariance; or the model's or the sensor's own function stopped."""
+SENSORS = 4
+"""Compiled loops hold so many sensors, or a multiple of it: one compilation serves nearly everybody."""
+
+
+class Motion(NamedTuple):
+    """A model as arrays.
+
+    kind : how it is predicted; Phi, Q : (K, n, n), read through step (N - 1,) by a linear one, else written;
+    inputs : (N - 1, i); params : (p,).
+    """
+
+    kind: int
+    inputs: np.ndarray
+    params: np.ndarray
+    Phi: np.ndarray
+    Q: np.ndarray
+    step: np.ndarray
+
+
+class Sensing(NamedTuple):
+    """All sensors as arrays: sensor s has the columns first[s] to first[s + 1] of z (N, M).
+
+    R : (K, M, M), block diagonal; H : (K, M, n); inputs and params likewise side by side. scalar : its R is diagonal and
+    its components are taken one after the other.
+    """
+
+    first: np.ndarray
+    kind: np.ndarray
+    scalar: np.ndarray
+    sequential: np.ndarray
+    z: np.ndarray
+    R: np.ndarray
+    H: np.ndarray
+    inputs: np.ndarray
+    inputs_first: np.ndarray
+    params: np.ndarray
+    params_first: np.ndarray
+
+
+class Options(NamedTuple):
+    """What `run` was asked for.
+
+    c, w : of the sigma points, see `unscented.spread`; plain : updates have one linearisation, no gate, no hook and a
+    flat state; adapt, k0, k1, floor, states : see `adaptive.adapt_step`, adapt = 0 for none.
+    """
+
+    c: float
+    w: float
+    plain: bool
+    iterations: int
+    gate: float
+    adapt: int
+    k0: float
+    k1: float
+    floor: float
+    states: int
+
+
+class Course(NamedTuple):
+    """What the loop fills; row 0 of the predictions holds the prior. weights : (N, M), alpha : (N,) of the hook."""
+
+    predicted_mean: np.ndarray
+    predicted_cov: np.ndarray
+    mean: np.ndarray
+    cov: np.ndarray
+    whitened: np.ndarray
+    alpha: np.ndarray
+    weights: np.ndarray
+
+
+@njit(cache=True)
+def _nothing_seen(z):
+    for a in range(z.size):
+        if not np.isnan(z[a]):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _linear_update(x, P, z, H, R, first, scalar, sequential, whitened):
+    """Condition on z = H x + v, in place; R : of all sensors, this one's block begins at `first`. Returns a status."""
+    m, n = H.shape
+    if not scalar:
+        return observed_update_step(x, P, z, H, R[first : first + m, first : first + m].copy(), sequential, whitened)
+    for a in range(m):
+        if np.isnan(z[a]):
+            continue
+        residual = z[a]
+        for j in range(n):
+            residual -= H[a, j] * x[j]
+        S = scalar_update_step(x, P, residual, H[a], R[first + a, first + a])
+        if not S > 0.0:
+            return a + 1
+        whitened[a] = residual / np.sqrt(S)
+    return 0
+
+
+@njit(cache=True)
+def _extended_update(x, P, residual, H, R, whitened):
+    """Condition on the components of a linearised observation that are not NaN, in place. Returns a status."""
+    m = residual.size
+    if m == 1:
+        S = scalar_update_step(x, P, residual[0], H[0], R[0, 0])
+        if not S > 0.0:
+            return 1
+        whitened[0] = residual[0] / np.sqrt(S)
+        return 0
+    whole = True
+    for a in range(m):
+        if np.isnan(residual[a]):
+            whole = False
+    if whole:
+        return update_step(x, P, residual, H, R, np.empty((m, m)), whitened)
+    seen, residual, H, R = rows_seen(residual, H, R)
+    white = np.empty(seen.size)
+    status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+    if status == 0:
+        for b in range(seen.size):
+            whitened[seen[b]] = white[b]
+    return status
+
+
+@njit(cache=True)
+def _adapted_update(x, P, residual, H, R, options, whitened, weights):
+    """As `_extended_update`, after the hook judged prediction and observations. Returns (status, factor)."""
+    seen, residual, H, R = rows_seen(residual, H, R)
+    white, weight = np.empty(seen.size), np.ones(seen.size)
+    status, alpha = adapt_step(
+        options.adapt, P, residual, H, R, options.k0, options.k1, options.floor, options.states, white, weight
+    )
+    if status == 0:
+        for b in range(seen.size):
+            whitened[seen[b]] = white[b]
+            weights[seen[b]] = weight[b]
+        status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+    return status, alpha
+
+
+@njit(cache=True)
+def _unscented_update(x, P, U, gamma, z, R, c, w, whitened):
+    """Condition on the components of z that are not NaN, given the images gamma (2 n + 1, m) of all. Returns a status."""
+    seen, z, gamma_t, R = rows_seen(z, gamma.T, R)
+    white = np.empty(seen.size)
+    status = unscented_update_step(x, P, U, gamma_t.T.copy(), z, R, c, w, np.empty(R.shape), white)
+    if status == 0:
+        for b in range(seen.size):
+            whitened[seen[b]] = white[b]
+    return status
+
+
+@njit(cache=True)
+def _projected(H, x, h):
+    """h = H x."""
+    for a in range(H.shape[0]):
+        h[a] = 0.0
+        for j in range(H.shape[1]):
+            h[a] += H[a, j] * x[j]
+
+
+@njit(cache=True)
+def _subtracted(z, h):
+    """h = z - h."""
+    for a in range(h.size):
+        h[a] = z[a] - h[a]
+
+
+@njit(cache=True)
+def _less(H, d, residual):
+    """residual -= H d."""
+    for b in range(H.shape[0]):
+        for j in range(H.shape[1]):
+            residual[b] -= H[b, j] * d[j]
+
+
+@njit(cache=True)
+def _transposed(A, out):
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[j, i] = A[i, j]
+
+
+@njit(cache=True)
+def _block(A, first, out):
+    for a in range(out.shape[0]):
+        for b in range(out.shape[1]):
+            out[a, b] = A[first + a, first + b]
+
+
+@register_jitable
+def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R, x, P, whitened):
+    """An extended update with several linearisations, a gate or a manifold, in place. Returns (what failed, status)."""
+    prior, P_prior, squares = x.copy(), P.copy(), 0.0
+    d, moved, white = np.zeros(P.shape[0]), np.empty(x.size), np.full(z.size, np.nan)
+    for i in range(options.iterations):
+        if linear:
+            _projected(H, x, h)
+        else:
+            status = observe(t, x, u, p, h, H, R)
+            if status != 0:
+                return SENSOR, status
+        _subtracted(z, h)
+        if i > 0:  # linearised here, the prior is still that from before
+            difference(x, prior, d)
+            _less(H, d, h)
+            d[:] = 0.0
+            P[:] = P_prior
+        status = _extended_update(d, P, h, H, R, white)
+        if status != 0:
+            return INNOVATION, status
+        if i == 0:
+            whitened[:] = white
+            for a in range(white.size):
+                if not np.isnan(white[a]):
+                    squares += white[a] * white[a]
+            if squares > options.gate:
+                P[:] = P_prior
+                return INNOVATION, 0
+        retract(prior, d, moved)
+        x[:] = moved
+    return INNOVATION, 0
+
+
+def loop(propagate, observe, retract, difference, t, motion, sensing, options, course):
+    """Filter all epochs. Returns (epoch, what, row): what failed, one of the codes above, in which row; or (-1, 0, 0)."""
+    N, M = sensing.z.shape
+    n = course.cov.shape[1]
+    points, nothing = 2 * n + 1, np.empty((0, 0))
+    h_all, H_all, R_all, gamma_all = np.empty(M), np.empty(M * n), np.empty(M * M), np.empty(points * M)
+    chi, U, image = np.empty((points, n)), np.empty((n, n)), np.empty((points, n))
+    D, rest, zero, spare = np.empty((n, n)), np.empty((n, n)), np.zeros(n), np.empty(n)
+    for k in range(N):
+        x, P = course.mean[k], course.cov[k]
+        if k > 0:
+            x_before, P_before = course.mean[k - 1], course.cov[k - 1]
+            x_next, P_next = course.predicted_mean[k], course.predicted_cov[k]
+            u = motion.inputs[k - 1]
+            if motion.kind == LINEAR:
+                s = motion.step[k - 1]
+                predict_step(x_before, P_before, motion.Phi[s], motion.Q[s], x_next, P_next)
+            elif t[k] == t[k - 1]:  # another observation of the same epoch
+                copy_state(x_before, P_before, x_next, P_next)
+                motion.Phi[k - 1] = np.eye(n)
+                motion.Q[k - 1] = 0.0
+            elif motion.kind == EXTENDED:
+                Phi, Q = motion.Phi[k - 1], motion.Q[k - 1]
+                status = propagate(t[k - 1], t[k], x_before, u, motion.params, x_next, Phi, Q)
+                if status != 0:
+                    return k, MODEL, status
+                predict_step(zero, P_before, Phi, Q, spare, P_next)
+            else:
+                Q = motion.Q[k - 1]
+                status = sigma_points_step(x_before, P_before, options.c, chi, U)
+                if status != 0:
+                    return k - 1, PREDICTION, status
+                for i in range(points):
+                    wanted = Q if i == 0 else nothing
+                    status = propagate(t[k - 1], t[k], chi[i], u, motion.params, image[i], nothing, wanted)
+                    if status != 0:
+                        return k, MODEL, status
+                transform_step(image, Q, options.c, options.w, x_next, D, rest, P_next)
+                solve_upper(U, D)  # D' is now the linearisation
+                _transposed(D, motion.Phi[k - 1])
+                Q[:] = rest
+        copy_state(course.predicted_mean[k], course.predicted_cov[k], x, P)
+        for s in range(sensing.kind.size):
+            first, last = sensing.first[s], sensing.first[s + 1]
+            z = sensing.z[k, first:last]
+            if _nothing_seen(z):
+                continue
+            m, white = last - first, course.whitened[k, first:last]
+            R_k, H_k = sensing.R[k % sensing.R.shape[0]], sensing.H[k % sensing.H.shape[0], first:last]
+            linear = sensing.kind[s] == LINEAR
+            if linear and options.plain:
+                status = _linear_update(x, P, z, H_k, R_k, first, sensing.scalar[s], sensing.sequential[s], white)
+                if status != 0:
+                    return k, INNOVATION if status > 0 else NOISE, first + abs(status)
+                continue
+            u = sensing.inputs[k, sensing.inputs_first[s] : sensing.inputs_first[s + 1]]
+            p = sensing.params[sensing.params_first[s] : sensing.params_first[s + 1]]
+            R = R_all[: m * m].reshape((m, m))
+            _block(R_k, first, R)
+            if sensing.kind[s] == UNSCENTED:
+                status = sigma_points_step(x, P, options.c, chi, U)
+                if status != 0:
+                    return k, DRAW, status
+                gamma = gamma_all[: points * m].reshape((points, m))
+                for i in range(points):
+                    status = observe[s](t[k], chi[i], u, p, gamma[i], nothing, R)
+                    if status != 0:
+                        return k, SENSOR, status
+                status = _unscented_update(x, P, U, gamma, z, R, options.c, options.w, white)
+                if status != 0:
+                    return k, INNOVATION, first + status
+                continue
+            h, H = h_all[:m], H_all[: m * n].reshape((m, n))
+            if linear:
+                H[:] = H_k
+                _projected(H, x, h)
+            if options.plain or options.adapt > 0:
+                if not linear:
+                    status = observe[s](t[k], x, u, p, h, H, R)
+                    if status != 0:
+                        return k, SENSOR, status
+                _subtracted(z, h)
+                if options.adapt > 0:
+                    weights = course.weights[k, first:last]
+                    status, course.alpha[k] = _adapted_update(x, P, h, H, R, options, white, weights)
+                else:
+                    status = _extended_update(x, P, h, H, R, white)
+                what = INNOVATION
+            else:
+                what, status = _iterated(
+                    observe[s], retract, difference, options, linear, t[k], z, u, p, h, H, R, x, P, white
+                )
+            if status != 0:
+                return k, what, status if what == SENSOR else first + status
+    return -1, 0, 0
+
+
+@functools.cache
+def compiled(sensors: int):
+    """The loop as machine code for so many functions of sensors."""
+    stack, table, ints, flags = types.float64[:, :, ::1], types.float64[:, ::1], types.int64[::1], types.boolean[::1]
+    real, whole, flag = types.float64, types.int64, types.boolean
+    motion = types.NamedTuple([whole, table, vector, stack, stack, ints], Motion)
+    sensing = types.NamedTuple([ints, ints, flags, flags, table, stack, stack, table, ints, vector, ints], Sensing)
+    options = types.NamedTuple([real, real, flag, whole, real, whole, real, real, real, whole], Options)
+    course = types.NamedTuple([table, stack, table, stack, table, vector, table], Course)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        signature = types.UniTuple(whole, 3)(
+            types.FunctionType(PROPAGATE), types.UniTuple(types.FunctionType(OBSERVE), sensors),
+            types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), vector, motion, sensing, options, course,
+        )  # fmt: skip
+        return njit([signature], cache=True, nogil=True)(loop)
+
+
+@njit(PROPAGATE, cache=True)
+def no_propagation(t0, t1, x, u, p, x_out, F, Q):
+    """Stand in for the function of a linear model."""
+    return 1
+
+
+@njit(OBSERVE, cache=True)
+def no_observation(t, x, u, p, h, H, R):
+    """Stand in for the function of a linear sensor."""
+    return 1
