@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
+from geokalman import kalman
 from geokalman.airborne.model import SHORTEST, Array, Line, Model, Tuning, build
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.information import smooth_two_filter
-from geokalman.kalman.linear import filter_linear
 from geokalman.kalman.smoothing import smooth
 
 Smoother = Literal["rts", "two-filter"]
@@ -67,7 +67,8 @@ def run_filter(line: Line, model: Model) -> Trajectory:
     """The standard Kalman filter forward over a line, equations (1) to (3). Raises NotPositiveDefinite with the
     epoch.
     """
-    return filter_linear(model.prior, line.t, line.z[:, None], model.H, model.R, (model.Phi, model.Q))
+    motion, sensor = kalman.Model(F=model.Phi, Q=model.Q), kalman.Sensor(line.z[:, None], model.R, H=model.H)
+    return kalman.run(model.prior, line.t, motion, [sensor])
 
 
 def run_smoother(line: Line, model: Model, course: Trajectory, smoother: Smoother) -> Smoothed:

@@ -303,7 +303,7 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
     Phi, Q = matrices("Phi", Phi, count, n, n), covariances("Q", Q, count, n)
     if len(Phi) == len(Q) == 1:
         return Phi, Q, np.zeros(count, np.int64)
-    Phi, Q = (np.ascontiguousarray(np.broadcast_to(stack, (count, n, n))) for stack in (Phi, Q))
+    Phi, Q = (stack if len(stack) == count else np.repeat(stack, count, axis=0) for stack in (Phi, Q))
     return Phi, Q, np.arange(count)
 
 
