@@ -19,7 +19,7 @@ from pathlib import Path
 
 import vendoring
 
-from geokalman.airborne.tables import pack, read_fixed_width
+from geokalman.airborne.read.tables import pack, read_fixed_width
 
 PACKAGE, VERSION = "galileoqc", "1.0.16"
 ARCHIVE_SHA256 = "b9f0de6f1c086c1d47b02300a67bb9514435f6ed739ec79da217c6d1bdf1ea06"

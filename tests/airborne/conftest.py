@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from geokalman.airborne import read, tables
+from geokalman.airborne import read
+from geokalman.airborne.read import tables
 from geokalman.files import data_path
 
 

@@ -5,9 +5,10 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, read, trial
-from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import KAURING, Layout
+from geokalman.airborne import experiment, read
+from geokalman.airborne.read import checks
+from geokalman.airborne.read.columns import Table
+from geokalman.airborne.read.layout import KAURING, Layout
 from geokalman.airborne.model import Tuning
 from geokalman.reading import InputError
 
@@ -66,9 +67,9 @@ def test_nulls_in_a_reference_change_no_number(table, column, null):
         flight = read.survey(table, KAURING)[104000]
     assert np.isnan(flight.references[name]).sum() == 10
     tuning = Tuning.preset("kauring")
-    ours, theirs = (trial.real([one], tuning) for one in (flight, whole))
+    ours, theirs = (experiment.real([one], tuning) for one in (flight, whole))
     assert ours.sd("fb", name)[0] == pytest.approx(theirs.sd("fb", name)[0], rel=0.02)
-    assert trial.scatter([flight], {"104000": ours.series("fb")[0]}, reference=name)[0] == ours.sd("fb", name)[0]
+    assert experiment.scatter([flight], {"104000": ours.series("fb")[0]}, reference=name)[0] == ours.sd("fb", name)[0]
 
 
 def test_a_reference_that_is_null_all_along_is_none(whole):

@@ -6,9 +6,10 @@ import lzma
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, read
-from geokalman.airborne.delimited import read_delimited
-from geokalman.airborne.tables import read_table
+from geokalman.airborne import read
+from geokalman.airborne.read import checks
+from geokalman.airborne.read.delimited import read_delimited
+from geokalman.airborne.read.tables import read_table
 from geokalman.reading import InputError
 
 
@@ -133,7 +134,7 @@ NULLS = [
 ]  # fmt: skip
 
 
-@pytest.mark.filterwarnings("ignore::geokalman.airborne.checks.SuspiciousData")
+@pytest.mark.filterwarnings("ignore::geokalman.airborne.read.checks.SuspiciousData")
 @pytest.mark.parametrize("null", NULLS)
 def test_every_common_null_is_one_in_a_reference_and_in_a_correction(null, text, rows, sound, tmp_path):
     path = tmp_path / "own.csv"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman import memory
-from geokalman.airborne import backward, classical, model, simulate, trial, tune
+from geokalman.airborne import backward, classical, experiment, model, simulate, tune
 from geokalman.airborne.estimate import estimate, innovation_log_likelihood, run_filter, settled
 from geokalman.airborne.model import Tuning, build
 
@@ -108,7 +108,7 @@ CONTRACTOR = [0.881, 0.839, 0.857, 0.973, 1.043, 0.937]
 
 
 def test_the_six_real_lines(six):
-    judged = trial.real(six, Tuning.preset("kauring"))
+    judged = experiment.real(six, Tuning.preset("kauring"))
     np.testing.assert_allclose(judged.sd("forward", "ground"), FORWARD, atol=0.01)
     np.testing.assert_allclose(judged.sd("fb", "ground"), BOTH, atol=0.01)
     np.testing.assert_allclose(judged.sd("contractor", "ground"), CONTRACTOR, atol=0.001)
@@ -120,7 +120,7 @@ def test_the_six_real_lines(six):
 
 
 def test_the_second_order_lag_of_the_real_lines(kauring, six):
-    judged = trial.real(six, Tuning.preset("kauring"), 0.0155)
+    judged = experiment.real(six, Tuning.preset("kauring"), 0.0155)
     assert judged.sd("fb", "ground").mean() == pytest.approx(0.904, abs=0.01)
     training = [f.line for f in kauring.flights if f.name in {str(100100 + 600 * j) for j in range(19)}]
     pooled, each = tune.second_order_lag(training, Tuning.preset("kauring"))

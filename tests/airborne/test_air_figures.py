@@ -6,7 +6,8 @@ import pytest
 from matplotlib.colors import same_color
 
 from geokalman import style
-from geokalman.airborne import drawings, figures, maps
+from geokalman.airborne import figures
+from geokalman.airborne.figures import drawings, maps
 from geokalman.style import METHODS
 
 T = np.linspace(0, 900, 400)

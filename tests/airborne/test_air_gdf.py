@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geokalman.airborne import read
-from geokalman.airborne.gdf import read_definition
-from geokalman.airborne.tables import read_table
+from geokalman.airborne.read.gdf import read_definition
+from geokalman.airborne.read.tables import read_table
 from geokalman.reading import InputError
 
 WIDTH = {"LINE": 10, "FLIGHT": 8}

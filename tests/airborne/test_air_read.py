@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, quality, read, tables, trial
+from geokalman.airborne import experiment, read
+from geokalman.airborne.read import checks, quality, tables
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
@@ -399,10 +400,10 @@ def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
         found = survey(table, KAURING)
     assert found.aliased == ("104000",)
     plain, trusted = Tuning.preset("kauring"), Tuning.preset("kauring", R_m=0.15)
-    loose, stiff = trial.real(found.flights, plain, aliased=found.aliased), trial.real(found.flights, trusted)
+    loose, stiff = experiment.real(found.flights, plain, aliased=found.aliased), experiment.real(found.flights, trusted)
     np.testing.assert_array_equal(loose.series("fb")[0], stiff.series("fb")[0])
-    assert np.abs(loose.series("fb")[0] - trial.real(found.flights, plain).series("fb")[0]).max() > 1.0
-    stiff = [trial.real(found.flights, replace(plain, R_m=0.3), aliased=names) for names in ((), found.aliased)]
+    assert np.abs(loose.series("fb")[0] - experiment.real(found.flights, plain).series("fb")[0]).max() > 1.0
+    stiff = [experiment.real(found.flights, replace(plain, R_m=0.3), aliased=names) for names in ((), found.aliased)]
     np.testing.assert_array_equal(stiff[0].series("fb")[0], stiff[1].series("fb")[0])  # what is larger stays
 
 
@@ -462,15 +463,15 @@ def test_selecting_a_line_twice_or_none(kauring):
 
 
 def test_samples_of_lines(kauring):
-    assert [f.name for f in trial.sample(kauring.flights, "test", [104000, 104200])] == ["104000", "104100", "104200"]
+    assert [f.name for f in experiment.sample(kauring.flights, "test", [104000, 104200])] == ["104000", "104100", "104200"]
     with pytest.raises(
         ValueError, match=r"test = \[1, 2\]: no line of at least 800 points lies between; they run from"
     ):
-        trial.sample(kauring.flights, "test", [1, 2])
+        experiment.sample(kauring.flights, "test", [1, 2])
     with pytest.raises(ValueError, match=r"train = \[5\]: two numbers are wanted, the first and the last line"):
-        trial.sample(kauring.flights, "train", [5])
-    tested = trial.sample(kauring.flights, "test", [105000, 110900])
-    assert len(tested) == 60 and trial.unseen(tested).sum() == 48
+        experiment.sample(kauring.flights, "train", [5])
+    tested = experiment.sample(kauring.flights, "test", [105000, 110900])
+    assert len(tested) == 60 and experiment.unseen(tested).sum() == 48
 
 
 def test_a_survey_without_ground_truth_says_so(table):

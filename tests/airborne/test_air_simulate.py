@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from geokalman.airborne import experiments, simulate, trial
+from geokalman.airborne import experiment, simulate
 from geokalman.airborne.model import METRE, Tuning
 
 
 @pytest.fixture(scope="module")
 def two_seeds():
     scenario, tuning = simulate.Scenario(), Tuning.preset("paper_like")
-    return trial.ensemble(scenario, tuning, range(2), tuning.coloured(0.003, 0.004, 80.0))
+    return experiment.ensemble(scenario, tuning, range(2), tuning.coloured(0.003, 0.004, 80.0))
 
 
 def test_motion_has_exact_derivatives_and_the_asked_size():
@@ -73,12 +73,12 @@ def test_z_without_errors_is_doubly_integrated_gravity():
 
 
 def test_two_seeds_of_the_paper_like_survey(two_seeds):
-    fb, forward = trial.six_line_means(two_seeds, "fb"), trial.six_line_means(two_seeds, "forward")
+    fb, forward = experiment.six_line_means(two_seeds, "fb"), experiment.six_line_means(two_seeds, "forward")
     assert fb.mean() == pytest.approx(0.92, abs=0.13)
     assert forward.mean() == pytest.approx(1.15, abs=0.18)
     assert np.mean(fb / forward) == pytest.approx(0.80, abs=0.10)
-    assert trial.six_line_means(two_seeds, "fb", "truth").mean() == pytest.approx(0.203, abs=0.04)
-    assert trial.six_line_means(two_seeds, "forward", "truth").mean() == pytest.approx(0.643, abs=0.12)
+    assert experiment.six_line_means(two_seeds, "fb", "truth").mean() == pytest.approx(0.203, abs=0.04)
+    assert experiment.six_line_means(two_seeds, "forward", "truth").mean() == pytest.approx(0.643, abs=0.12)
 
 
 def test_consistency_of_white_and_coloured_filters(two_seeds):
@@ -88,25 +88,25 @@ def test_consistency_of_white_and_coloured_filters(two_seeds):
 
 
 def test_matched_world_is_consistent():
-    run = trial.simulated(simulate.Scenario.preset("matched"), Tuning.preset("matched"), 0)
+    run = experiment.simulated(simulate.Scenario.preset("matched"), Tuning.preset("matched"), 0)
     assert np.mean([line.nis() for line in run]) == pytest.approx(1.0, abs=0.05)
     assert 0.3 < np.mean([line.nees("fb") for line in run]) < 3.0
 
 
 def test_a_lag_is_found():
-    run = trial.simulated(simulate.Scenario(n_lines=1, length_km=30.0, tau3=0.020), Tuning.preset("paper_like"), 0)[0]
+    run = experiment.simulated(simulate.Scenario(n_lines=1, length_km=30.0, tau3=0.020), Tuning.preset("paper_like"), 0)[0]
     assert run.estimated["tau3"] == pytest.approx(0.020, abs=1e-3)  # f3' = f3 + tau3 df3/dt: early, not late
 
 
 def test_misalignments_and_scale_are_found_with_their_signs():
     scenario = simulate.Scenario(n_lines=2, length_km=60.0, k12=2e-3)
-    for run in trial.simulated(scenario, Tuning.preset("paper_like", sd_k12=5e-3), 4):
+    for run in experiment.simulated(scenario, Tuning.preset("paper_like", sd_k12=5e-3), 4):
         for name in ("k1", "k2"):
             assert run.estimated[name] == pytest.approx(run.true[name], abs=1.5e-4)
 
 
 def test_decimating_before_integrating_destroys_everything():
-    run = trial.simulated(
+    run = experiment.simulated(
         simulate.Scenario(n_lines=1, length_km=20.0, integrate_at=2.0), Tuning.preset("paper_like"), 0
     )[0]
     # The prototype had 1.2e4 mGal with its own motion; how much is aliasing and how much quadrature is not separated.
@@ -114,12 +114,12 @@ def test_decimating_before_integrating_destroys_everything():
 
 
 def test_levelling_removes_the_level_of_lines():
-    one = experiments.levelling(simulate.Scenario(k3=2e-6, length_km=30.0), Tuning.preset("paper_like", sd_k3=2e-6), 0)
+    one = experiment.levelling(simulate.Scenario(k3=2e-6, length_km=30.0), Tuning.preset("paper_like", sd_k3=2e-6), 0)
     assert one.floor <= one.after < 0.5 * one.before
 
 
 def test_throughput_reports_and_the_smoothers_agree():
-    one = experiments.throughput(
+    one = experiment.throughput(
         simulate.Scenario(length_km=17.0, lead_s=0.0, rate=10.0), Tuning.preset("paper_like"), 0
     )
     assert one.epochs == 2616 and one.difference < 1e-4 and min(one.forward, one.rts, one.two_filter) > 0

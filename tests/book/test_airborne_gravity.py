@@ -12,7 +12,8 @@ import numba
 import numpy as np
 import pytest
 
-from geokalman.airborne import checks, corrections, read, tables, trial
+from geokalman.airborne import corrections, experiment, read
+from geokalman.airborne.read import checks, tables
 from geokalman.airborne.model import Tuning
 from geokalman.files import data_path, project_root
 from geokalman.reproduce import claims, execute, reference
@@ -91,7 +92,7 @@ def test_an_aliased_line_gets_a_larger_R_and_the_page_says_so(tmp_path):
         flights = read.read_survey(tmp_path / "own.csv").select([104000, 104100])
     ours = reference.read_run(tmp_path / "out")[1]
     for flight, R in zip(flights, (0.15, 0.02), strict=True):
-        sd = trial.real([flight], Tuning.preset("kauring", R_m=R)).sd("fb", "ground")[0]
+        sd = experiment.real([flight], Tuning.preset("kauring", R_m=R)).sd("fb", "ground")[0]
         assert ours[f"vs_ground.fb.line{flight.name}"]["value"] == pytest.approx(sd, rel=1e-9)
     told = (tmp_path / "out" / "notebook.ipynb").read_text(encoding="utf-8")
     assert "R is 0.15 m on the lines whose specific force is aliased (1 in the file), 0.02 m on all others." in told

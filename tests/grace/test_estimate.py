@@ -35,13 +35,11 @@ def short(tiny) -> Observations:
 
 
 def core_position_filter(data: Observations, tuning: Tuning):
-    """The position-only filter by `kalman.filter_linear`."""
-    H = np.hstack([np.eye(3), np.zeros((3, 6))])
+    """The position-only filter written out: the core's run on matrices."""
+    Phi, Q = kinematic(data.dt, tuning.q(data.dt))
+    position = kalman.Sensor(data.baseline, tuning.sigma_r**2 * np.eye(3), H=np.eye(3, 9))
     t = data.dt * np.arange(len(data.rate))
-    prior = kalman.gaussian(data.prior_mean, data.prior_cov)
-    return kalman.filter_linear(
-        prior, t, data.baseline, H, tuning.sigma_r**2 * np.eye(3), kinematic(data.dt, tuning.q(data.dt))
-    )
+    return kalman.run(kalman.gaussian(data.prior_mean, data.prior_cov), t, kalman.Model(F=Phi, Q=Q), [position])
 
 
 def core_fused_filter(data: Observations, tuning: Tuning, which: str):
@@ -67,7 +65,8 @@ def core_fused_filter(data: Observations, tuning: Tuning, which: str):
     prior, t = kalman.gaussian(data.prior_mean, data.prior_cov), data.dt * np.arange(len(data.rate))
     model = kalman.Model(f=lambda x, t0, t1: Phi @ x, F=lambda x, t0, t1: Phi, Q=Q)
     if which == "ukf":
-        return kalman.run(prior, t, model, sensors, "unscented", tuning.alpha, tuning.beta, tuning.kappa)
+        scaling = {"alpha": tuning.alpha, "beta": tuning.beta, "kappa": tuning.kappa}
+    return kalman.run(prior, t, model, sensors, "unscented", **scaling)
     return kalman.run(prior, t, model, sensors)
 
 
@@ -136,10 +135,9 @@ def test_three_states_per_axis_are_the_nine_states(tiny):
     t = data.dt * np.arange(len(data.rate))
     for axis in range(3):
         prior = kalman.gaussian(data.prior_mean[axis::3], np.diag(data.prior_cov)[axis::3])
-        model = kalman.white_jerk(data.dt, tuning.q(data.dt), axes=1)
-        three = kalman.filter_linear(
-            prior, t, data.baseline[:, axis : axis + 1], [[1.0, 0.0, 0.0]], [[tuning.sigma_r**2]], model
-        )
+        Phi, Q = kalman.white_jerk(data.dt, tuning.q(data.dt), axes=1)
+        position = kalman.Sensor(data.baseline[:, axis : axis + 1], [[tuning.sigma_r**2]], H=[[1.0, 0.0, 0.0]])
+        three = kalman.run(prior, t, kalman.Model(F=Phi, Q=Q), [position])
         np.testing.assert_allclose(nine.filtered.x[:, axis::3], three.mean, rtol=0, atol=1e-9)
         np.testing.assert_allclose(nine.smoothed.x[:, axis::3], kalman.smooth(three).mean, rtol=0, atol=1e-9)
 
@@ -303,7 +301,7 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
         with (
             pytest.raises(
                 NotPositiveDefinite,
-                match=r"covariance of the state or of the innovation is not positive definite at epoch 1\b",
+                match=r"(innovation covariance|covariance of the state) is not positive definite at epoch 1\b",
             ),
             np.errstate(all="ignore"),
         ):
@@ -317,8 +315,8 @@ def test_an_overflow_is_refused_with_its_epoch(tiny):
     ("method", "matrix"),
     [
         ("ekf", "predicted covariance"),
-        ("ukf", "covariance of the state or of the innovation"),
-        ("fused_ekf", "covariance of the state or of the innovation"),
+        ("ukf", "covariance of the state"),
+        ("fused_ekf", "innovation covariance"),
     ],
 )
 def test_a_prior_too_wide_for_double_precision_is_refused_with_its_epoch(tiny, method, matrix):
@@ -349,7 +347,7 @@ def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
     """alpha 1, beta 0, kappa 2, n 9: lambda = 2, W0 = 2/11, Wi = 1/22; 19 points whose weights add up to one, 18 do
     not."""
     Wm, Wc = unscented.weights(9, 1.0, 0.0, 2.0)
-    assert Wm.shape == Wc.shape == (estimate.SIGMA_POINTS,) == (19,)
+    assert Wm.shape == Wc.shape == (2 * estimate.N + 1,) == (19,)
     assert Wm[0] == pytest.approx(2 / 11) and Wc[0] == pytest.approx(2 / 11)
     np.testing.assert_allclose(Wm[1:], 1 / 22)
     assert Wm.sum() == pytest.approx(1.0, abs=2e-15)

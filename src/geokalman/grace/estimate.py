@@ -145,7 +145,7 @@ def _run(data: Observations, tuning: Tuning, update: Update | None, kind: Kind, 
     Phi, Q = kinematic(dt, tuning.q(dt))
     course = run(
         Gaussian(data.prior_mean, data.prior_cov), dt * np.arange(len(data.baseline)), Model(F=Phi, Q=Q),
-        _sensors(data, tuning, update), kind, tuning.alpha, tuning.beta, tuning.kappa,
+        _sensors(data, tuning, update), kind, alpha=tuning.alpha, beta=tuning.beta, kappa=tuning.kappa,
     )  # fmt: skip
     smoothed = smooth(course, covariances)
     innovations = np.full((len(data.baseline), 4), np.nan)

@@ -237,7 +237,7 @@ def _failure(epoch: int, what: int, row: int, t: np.ndarray) -> Exception:
         return Stopped("model" if what == MODEL else "sensor", epoch, float(t[epoch]), row)
     matrix = {
         PREDICTION: "filtered covariance", INNOVATION: "innovation covariance", NOISE: "observation noise covariance",
-        DRAW: "prior covariance",
+        DRAW: "covariance of the state",
     }[what]  # fmt: skip
     detail = f"the pivot of observed component {row - 1} is not positive"
     if what in (PREDICTION, DRAW):

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from geokalman.airborne import corrections
-from geokalman.airborne.checks import ROWS, at
-from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import Layout
+from geokalman.airborne.read.checks import ROWS, at
+from geokalman.airborne.read.columns import Table
+from geokalman.airborne.read.layout import Layout
 from geokalman.airborne.model import Array
 from geokalman.reading import InputError
 

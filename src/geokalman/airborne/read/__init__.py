@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from geokalman.airborne import checks, quality
-from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout  # noqa: F401 - their usual address
+from geokalman.airborne.read import checks, quality
+from geokalman.airborne.read.columns import Table
+from geokalman.airborne.read.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout  # noqa: F401 - their usual address
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
-from geokalman.airborne.tables import read_table
+from geokalman.airborne.read.tables import read_table
 from geokalman.files import data_path
 from geokalman.reading import InputError
 

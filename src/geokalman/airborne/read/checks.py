@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import median_filter
 
-from geokalman.airborne.columns import Table
-from geokalman.airborne.layout import IN_MGAL, Layout
+from geokalman.airborne.read.columns import Table
+from geokalman.airborne.read.layout import IN_MGAL, Layout
 from geokalman.airborne.model import Array
 from geokalman.constants import A_EARTH
 from geokalman.reading import InputError

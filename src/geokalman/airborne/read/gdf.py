@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from geokalman import reading
-from geokalman.airborne.columns import Table, full_rows, is_number, is_value
+from geokalman.airborne.read.columns import Table, full_rows, is_number, is_value
 from geokalman.reading import Place, number
 
 _RECORD = re.compile(r"\s*DEFN\s*(\d{0,9})\s*ST\s*=\s*RECO?R?D\s*,\s*RT\s*=\s*(\w*)\s*(?:;(.*))?", re.I)

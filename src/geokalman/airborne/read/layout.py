@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from geokalman.airborne.columns import Table
+from geokalman.airborne.read.columns import Table
 from geokalman.reading import InputError
 
 IN_MGAL = {"mGal": 1.0, "um/s2": 0.1, "m/s2": 1e5}

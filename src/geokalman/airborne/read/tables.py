@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from geokalman import reading
-from geokalman.airborne.columns import WHAT, Table
-from geokalman.airborne.delimited import is_data, read_delimited
-from geokalman.airborne.gdf import read_fixed_width
+from geokalman.airborne.read.columns import WHAT, Table
+from geokalman.airborne.read.delimited import is_data, read_delimited
+from geokalman.airborne.read.gdf import read_fixed_width
 from geokalman.airborne.model import Array
 from geokalman.reading import Place
 

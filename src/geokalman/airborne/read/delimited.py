@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geokalman.airborne.columns import (
+from geokalman.airborne.read.columns import (
     LABELS, Table, blanked, column_name, full_rows, is_number, is_ruler, is_value, line_number,
 )  # fmt: skip
-from geokalman.airborne.layout import is_unit
+from geokalman.airborne.read.layout import is_unit
 from geokalman.reading import Place
 
 _COMMENTS = "/#!%"
