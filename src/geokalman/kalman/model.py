@@ -5,20 +5,28 @@ positive number of their own that stops the run. An array of size zero is not wa
 this step or epoch, p the parameters.
 
     PROPAGATE(t0, t1, x, u, p, x_out, F, Q)   state at t1 from that at t0, its Jacobian and the noise of the step
-    OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R holds the sensor's, may be changed
+    OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R comes in as the sensor's and may be
+                                              changed (of sigma points, that of the first, the mean, counts); where h is
+                                              NaN an extended filter takes the component as missing
     RETRACT(x, d, x_out)                      state x [+] d of an error d
     DIFFERENCE(x, y, d)                       error d that leads from x to y
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numba import njit, types
+from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import is_jitted
+
+from geokalman.kalman.checks import array
+
+warnings.filterwarnings("ignore", "First-class function type feature", NumbaExperimentalFeatureWarning)
 
 vector = types.float64[::1]
 matrix = types.float64[:, ::1]
@@ -61,15 +69,24 @@ class Manifold:
         return is_jitted(self.retract) and is_jitted(self.difference)
 
     def kernels(self) -> tuple[Callable, Callable]:
-        """Both functions with the compiled signatures, Python functions wrapped."""
+        """Both functions with the compiled signatures; Python functions wrapped, what they give first is checked."""
         if self.compiled:
             return self.retract, self.difference
+        checked = set()
 
         def retract(x, d, x_out):
-            x_out[:] = self.retract(x, d)
+            value = self.retract(x, d)
+            if "retract" not in checked:
+                value = array("retract(x, d)", value, len(x_out))
+                checked.add("retract")
+            x_out[:] = value
 
         def difference(x, y, d):
-            d[:] = self.difference(x, y)
+            value = self.difference(x, y)
+            if "difference" not in checked:
+                value = array("difference(x, y)", value, self.n)
+                checked.add("difference")
+            d[:] = value
 
         return retract, difference
 

@@ -60,6 +60,10 @@ def run(
     observe, sensing = _sensing(sensors, N, n, code)
     options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, space, code)
     nx, M = len(prior.mean), sensing.z.shape[1]
+    if adaptive is not None:
+        _judgeable(adaptive, sensing.kind, n)
+    if nx != n and LINEAR in sensing.kind:
+        raise ValueError(f"sensor {list(sensing.kind).index(LINEAR)} is linear: where a state of {nx} numbers has an error of {n}, give h")
     judged = 0 if adaptive is None else N
     course = Course(
         np.empty((N, nx)), np.empty((N, n, n)), np.empty((N, nx)), np.empty((N, n, n)), np.full((N, M), np.nan),
@@ -79,11 +83,33 @@ def run(
         alpha=course.alpha[:last] if judged else None, weights=course.weights[:last] if judged else None,
         manifold=model.manifold,
     )  # fmt: skip
+    if not all(map(is_jitted, (propagate, *observe))):
+        _finite(trajectory, sensing.z, stopped=what != 0)
     if what:
         error = _failure(epoch, what, row, t)
         error.course = trajectory
         raise error
     return trajectory
+
+
+def _judgeable(hook: Adaptive, kinds: np.ndarray, n: int) -> None:
+    """Raise ValueError where an adaptive hook cannot judge."""
+    if UNSCENTED in kinds:
+        raise ValueError(f"an adaptive hook judges linearised observations: sensor {list(kinds).index(UNSCENTED)} is unscented")
+    if hook.states > n and HOOKS[hook.by] >= HOOKS["discrepancy"]:
+        raise ValueError(f"states = {hook.states} of the adaptive hook: the state has {n}")
+
+
+def _finite(course: Trajectory, z: np.ndarray, stopped: bool) -> None:
+    """Raise ValueError for the first epoch at which a Python function gave no number."""
+    seen = ~np.isnan(z[: len(course)])
+    for name, lost in (
+        ("f(x)", ~np.isfinite(course.predicted_mean).all(axis=1)),
+        ("h(x)", (np.isnan(course.whitened) & seen).any(axis=1) | ~np.isfinite(course.mean).all(axis=1)),
+    ):
+        if lost.any() and not (stopped and name == "h(x)"):  # the epoch of the stop is not complete
+            k = int(np.argmax(lost))
+            raise ValueError(f"{name} is not finite at epoch {k} (t = {course.t[k]:g} s)")
 
 
 def _on_manifold(prior: Gaussian, space: Manifold) -> Gaussian:
@@ -114,6 +140,8 @@ def _motion(model: Model, t: np.ndarray, n: int, kind: int):
     params = array("params of the model", model.params, None)
     inputs = model.inputs
     inputs = np.empty((steps_count, 0)) if inputs is None else array("inputs of the model", inputs, steps_count, None)
+    if model.f is None and model.F is None:
+        raise ValueError("the model has neither f nor F: give a function or matrices")
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
@@ -183,6 +211,9 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     width = [values.shape[1] for values in z]
     numbered = list(zip(range(len(z)), sensors, width, strict=True))
     R = [covariances(f"R of sensor {i}", s.R, N, m) for i, s, m in numbered]
+    for i, s in enumerate(sensors):
+        if s.h is None and s.H is None:
+            raise ValueError(f"sensor {i} has neither h nor H: give a function or a matrix")
     linear = [s.h is None for s in sensors]
     H = [matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)) for i, s, m in numbered]
     functions = tuple(
