@@ -1,92 +1,61 @@
-"""Time per epoch of the estimator core: 9 states, 4 observations (3 positions, then a range-rate), compiled loops.
+"""Time per epoch of the estimator core: 9 states and 4 observations, three positions, then a range-rate.
 
-`python tests/benchmarks/bench_kalman.py` prints minima of several runs and the load of the machine; filterpy and
-statsmodels are timed in the same run where they are installed. Nothing here asserts on time.
+`python tests/benchmarks/bench_kalman.py [--json FILE]` prints the smallest of several runs in microseconds per epoch,
+the limits and the load of the machine; the file gets {name: microseconds per epoch}. `run_linear` observes all four by
+a matrix; the others observe the range-rate by a function, compiled or (`_python`) of Python. filterpy, statsmodels and
+dynamax are timed in the same run where they are installed. Nothing here asserts on time.
 """
 
 from __future__ import annotations
 
-import os
+import argparse
+import json
 import warnings
+from pathlib import Path
 
 import numpy as np
 from numba import njit
-from stopwatch import smallest
+from stopwatch import smallest, told, told_machine
 
-from geokalman.kalman.discretise import white_jerk
-from geokalman.kalman.gaussian import gaussian
-from geokalman.kalman.linear import filter_linear, predict_step, scalar_update_step
-from geokalman.kalman.smoothing import rts_mean_step, rts_step, smooth
-from geokalman.kalman.unscented import sigma_points_step, spread, unscented_update_step
+from geokalman.kalman import Gaussian, Model, Sensor, gaussian, run, smooth, white_jerk
+from geokalman.kalman.model import OBSERVE
 
 EPOCHS, STEP = 5000, 30.0
 SIGMA_R, SIGMA_RATE = 1e-3, 3e-4
+LIMITS = {
+    "run_linear": 1.5, "run_ekf": 1.5, "run_ukf": 3.5, "run_linear + smooth": 4.5, "run_ekf_python": 40.0,
+    "run_ukf_python": 150.0,
+}  # fmt: skip
 
 
-@njit
-def range_rate(x):
-    return (x[0] * x[3] + x[1] * x[4] + x[2] * x[5]) / np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
-
-
-@njit
-def extended_loop(z, Phi, Q, r, r_rate, xp, Pp, xf, Pf, whitened):
-    H, row = np.eye(9), np.zeros(9)
-    for k in range(z.shape[0]):
-        if k > 0:
-            predict_step(xf[k - 1], Pf[k - 1], Phi, Q, xp[k], Pp[k])
-        xf[k] = xp[k]
-        Pf[k] = Pp[k]
-        x, P = xf[k], Pf[k]
+@njit(OBSERVE, cache=True)
+def range_rate(t, x, u, p, h, H, R):
+    rho = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
+    h[0] = (x[0] * x[3] + x[1] * x[4] + x[2] * x[5]) / rho
+    if H.size:
+        for j in range(9):
+            H[0, j] = 0.0
         for j in range(3):
-            residual = z[k, j] - x[j]
-            whitened[k, j] = residual / np.sqrt(scalar_update_step(x, P, residual, H[j], r))
-        rho = np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
-        rate = range_rate(x)
-        for j in range(3):
-            row[3 + j] = x[j] / rho
-            row[j] = (x[3 + j] - rate * row[3 + j]) / rho
-        residual = z[k, 3] - rate
-        whitened[k, 3] = residual / np.sqrt(scalar_update_step(x, P, residual, row, r_rate))
+            H[0, 3 + j] = x[j] / rho
+            H[0, j] = (x[3 + j] - h[0] * H[0, 3 + j]) / rho
+    return 0
 
 
-@njit
-def unscented_loop(z, Phi, Q, r, r_rate, c, w, xp, Pp, xf, Pf, whitened):
-    H, R, S = np.eye(9), np.full((1, 1), r_rate), np.empty((1, 1))
-    chi, U, gamma = np.empty((19, 9)), np.empty((9, 9)), np.empty((19, 1))
-    for k in range(z.shape[0]):
-        if k > 0:
-            predict_step(xf[k - 1], Pf[k - 1], Phi, Q, xp[k], Pp[k])
-        xf[k] = xp[k]
-        Pf[k] = Pp[k]
-        x, P = xf[k], Pf[k]
-        for j in range(3):
-            residual = z[k, j] - x[j]
-            whitened[k, j] = residual / np.sqrt(scalar_update_step(x, P, residual, H[j], r))
-        sigma_points_step(x, P, c, chi, U)
-        for i in range(19):
-            gamma[i, 0] = range_rate(chi[i])
-        unscented_update_step(x, P, U, gamma, z[k, 3:], R, c, w, S, whitened[k, 3:])
+def h(x, t):
+    r, v = x[:3], x[3:6]
+    return r @ v / np.sqrt(r @ r)
 
 
-@njit
-def smoother_loop(xp, Pp, xf, Pf, Phi, Q, xs, Ps, mean_only):
-    last = xp.shape[0] - 1
-    xs[last] = xf[last]
-    Ps[last] = Pf[last]
-    for k in range(last - 1, -1, -1):
-        if mean_only:
-            rts_mean_step(xf[k], Pf[k], xp[k + 1], Pp[k + 1], Phi, xs[k + 1], xs[k])
-        else:
-            rts_step(xf[k], Pf[k], xp[k + 1], Pp[k + 1], Phi, Q, xs[k + 1], Ps[k + 1], xs[k], Ps[k])
+def H(x, t):
+    r, v = x[:3], x[3:6]
+    rho = np.sqrt(r @ r)
+    out = np.zeros((1, 9))
+    out[0, :3], out[0, 3:6] = v / rho - (r @ v / rho**3) * r, r / rho
+    return out
 
 
-def best(function, epochs=EPOCHS, repeats=15):
-    """Smallest time of `repeats` calls after a first one, in microseconds per epoch."""
-    return 1e6 * smallest(function, repeats) / epochs
-
-
-def motion():
-    """Relative motion of a satellite pair: observations (N, 4) and the prior."""
+def motion() -> tuple[np.ndarray, np.ndarray, Gaussian]:
+    """Relative motion of a satellite pair: epochs, observations (N, 4) and the prior."""
     rng, t, w = np.random.default_rng(1), STEP * np.arange(EPOCHS), 1.1e-3
     circle = np.column_stack([np.cos(w * t), np.sin(w * t), 0.05 * np.sin(w * t)])
     tangent = np.column_stack([-np.sin(w * t), np.cos(w * t), 0.05 * np.cos(w * t)])
@@ -97,72 +66,98 @@ def motion():
 
 
 def measure() -> dict[str, float]:
-    """Microseconds per epoch of each stage, ours and the peers'."""
+    """Microseconds per epoch, ours and the peers'."""
     t, z, prior = motion()
     Phi, Q = white_jerk(STEP, 1e-4)
-    arrays = [np.empty((EPOCHS, 9)), np.empty((EPOCHS, 9, 9)), np.empty((EPOCHS, 9)), np.empty((EPOCHS, 9, 9))]
-    whitened, xs, Ps = np.empty((EPOCHS, 4)), np.empty((EPOCHS, 9)), np.empty((EPOCHS, 9, 9))
-    arrays[0][0], arrays[1][0] = prior
-    r, r_rate = SIGMA_R**2, SIGMA_RATE**2
-    c, w = spread(9, 1.0, 0.0, 2.0)
-    H = np.zeros((EPOCHS, 4, 9))
-    H[:, :3, :3] = np.eye(3)
-    H[:, 3, 3:6] = z[:, :3] / np.linalg.norm(z[:, :3], axis=1)[:, None]
-    R = np.diag([r, r, r, r_rate])
-    run = filter_linear(prior, t, z, H, R, (Phi, Q))
-    result = {
-        "filter step, compiled loop": best(lambda: extended_loop(z, Phi, Q, r, r_rate, *arrays, whitened)),
-        "UKF step, compiled loop": best(lambda: unscented_loop(z, Phi, Q, r, r_rate, c, w, *arrays, whitened)),
-        "RTS step, mean only": best(lambda: smoother_loop(*arrays, Phi, Q, xs, Ps, True)),
-        "RTS step, with covariance": best(lambda: smoother_loop(*arrays, Phi, Q, xs, Ps, False)),
-        "filter_linear, sequential": best(lambda: filter_linear(prior, t, z, H, R, (Phi, Q)), repeats=5),
-        "filter_linear, joint": best(lambda: filter_linear(prior, t, z, H, R, (Phi, Q), sequential=False), repeats=5),
-        "smooth": best(lambda: smooth(run)),
+    R = np.diag([SIGMA_R**2, SIGMA_R**2, SIGMA_R**2, SIGMA_RATE**2])
+    rows = np.zeros((EPOCHS, 4, 9))
+    rows[:, :3, :3] = np.eye(3)
+    rows[:, 3, 3:6] = z[:, :3] / np.linalg.norm(z[:, :3], axis=1)[:, None]
+    model, whole, few = Model(F=Phi, Q=Q), slice(0, EPOCHS), slice(0, 500)
+
+    def each(kind: str, sensor: Sensor | None, part: slice = whole) -> float:
+        sensors = [Sensor(z[part], R, H=rows[part])]
+        if sensor is not None:
+            sensors = [Sensor(z[part, :3], R[:3, :3], H=np.eye(3, 9)), sensor]
+        epochs = part.stop
+        return 1e6 * smallest(lambda: run(prior, t[part], model, sensors, kind), 7) / epochs
+
+    compiled, python = Sensor(z[:, 3:], R[3:, 3:], h=range_rate), Sensor(z[few, 3:], R[3:, 3:], h, H)
+    course = run(prior, t, model, [Sensor(z, R, H=rows)])
+    return {
+        "run_linear": each("extended", None),
+        "run_ekf": each("extended", compiled),
+        "run_ukf": each("unscented", compiled),
+        "run_ekf_python": each("extended", python, few),
+        "run_ukf_python": each("unscented", python, few),
+        "smooth": 1e6 * smallest(lambda: smooth(course), 7) / EPOCHS,
+        **peers(z, rows, R, Phi, Q, prior),
     }
-    result.update(peers(z, H, R, Phi, Q, prior))
-    return result
 
 
 def peers(z, H, R, Phi, Q, prior) -> dict[str, float]:
-    """The same linear problem in filterpy and statsmodels."""
-    result = {}
+    """The linear problem in other packages, where they are installed."""
+    found = {}
     warnings.simplefilter("ignore")
-    try:
-        from filterpy.kalman import KalmanFilter
-    except ImportError:
-        pass
-    else:
-        few = 500
+    for name, peer in (("filterpy", filterpy), ("statsmodels", statsmodels), ("dynamax", dynamax)):
+        try:
+            found[name] = peer(z, H, R, Phi, Q, prior)
+        except ImportError:
+            print(f"{name} is not installed")
+    return found
 
-        def filterpy():
-            peer = KalmanFilter(dim_x=9, dim_z=4)
-            peer.x, peer.P, peer.F, peer.Q, peer.R = prior.mean.copy(), prior.cov.copy(), Phi, Q, R
-            for k in range(few):
-                peer.predict()
-                peer.update(z[k], H=H[k])
 
-        result["filterpy KalmanFilter"] = best(filterpy, few, 5)
-    try:
-        from statsmodels.tsa.statespace.kalman_smoother import KalmanSmoother
-    except ImportError:
-        pass
-    else:
-        peer = KalmanSmoother(k_endog=4, k_states=9, k_posdef=9)
-        peer.bind(z.copy())
-        peer["design"], peer["obs_cov"], peer["selection"] = np.ascontiguousarray(H.transpose(1, 2, 0)), R, np.eye(9)
-        peer["transition"], peer["state_cov"] = Phi, Q
-        peer.initialize_known(prior.mean, prior.cov)
-        result["statsmodels filter"] = best(peer.filter, repeats=5)
-        result["statsmodels filter + smoother"] = best(peer.smooth, repeats=5)
-    return result
+def filterpy(z, H, R, Phi, Q, prior) -> float:
+    from filterpy.kalman import KalmanFilter
+
+    few = 500
+
+    def work():
+        peer = KalmanFilter(dim_x=9, dim_z=4)
+        peer.x, peer.P, peer.F, peer.Q, peer.R = prior.mean.copy(), prior.cov.copy(), Phi, Q, R
+        for k in range(few):
+            peer.predict()
+            peer.update(z[k], H=H[k])
+
+    return 1e6 * smallest(work, 5) / few
+
+
+def statsmodels(z, H, R, Phi, Q, prior) -> float:
+    from statsmodels.tsa.statespace.kalman_filter import KalmanFilter
+
+    peer = KalmanFilter(k_endog=4, k_states=9, k_posdef=9)
+    peer.bind(z.copy())
+    peer["design"], peer["obs_cov"], peer["selection"] = np.ascontiguousarray(H.transpose(1, 2, 0)), R, np.eye(9)
+    peer["transition"], peer["state_cov"] = Phi, Q
+    peer.initialize_known(prior.mean, prior.cov)
+    return 1e6 * smallest(peer.filter, 5) / len(z)
+
+
+def dynamax(z, H, R, Phi, Q, prior) -> float:
+    import jax
+    from dynamax.linear_gaussian_ssm import LinearGaussianSSM, lgssm_filter
+
+    jax.config.update("jax_enable_x64", True)
+    model = LinearGaussianSSM(state_dim=9, emission_dim=4)
+    params, _ = model.initialize(
+        jax.random.PRNGKey(0), initial_mean=prior.mean, initial_covariance=prior.cov, dynamics_weights=Phi,
+        dynamics_covariance=Q, emission_weights=H, emission_covariance=R,
+    )  # fmt: skip
+    work = jax.jit(lgssm_filter)
+    return 1e6 * smallest(lambda: jax.block_until_ready(work(params, z)), 5) / len(z)
 
 
 def main() -> None:
-    """Print the table."""
-    before = os.getloadavg()[0]
-    for name, value in measure().items():
-        print(f"{name:32s} {value:8.2f} us/epoch")
-    print(f"load of the machine {before:.1f} before, {os.getloadavg()[0]:.1f} after, {os.cpu_count()} CPUs")
+    """Print the table, and write the file that was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write {name: microseconds per epoch} there")
+    file = parser.parse_args().json
+    values = measure()
+    for name, value in {**values, "run_linear + smooth": values["run_linear"] + values["smooth"]}.items():
+        told(name, value, "us/epoch", LIMITS.get(name))
+    told_machine()
+    if file is not None:
+        file.write_text(json.dumps(values, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
 
-from geokalman.kalman import gaussian, white_jerk
+from geokalman.kalman import Model, Sensor, gaussian, loop, run, smoothing, white_jerk
 
 
 def _decimal(array) -> np.ndarray:
@@ -66,6 +67,12 @@ def dense_posterior(z, H, R, Phi, Q, prior=None, digits=60):
         )
 
 
+def linear_run(prior, t, z, H, R, transition, sequential=True):
+    """The linear filter of one sensor; transition : (Phi, Q), or a function of the step."""
+    Phi, Q = (transition, None) if callable(transition) else transition
+    return run(prior, t, Model(F=Phi, Q=Q), [Sensor(z, R, H=H, sequential=sequential)])
+
+
 class Problem:
     """Three-axis kinematic motion with full-matrix, time-varying H and R, gaps, and irregular steps."""
 
@@ -97,6 +104,11 @@ class Problem:
         self.z[5, 3] = np.nan
         self.z[0, 1] = np.nan
 
+    def filter(self, sequential=True, z=None, R=None, transition=None):
+        """The linear filter of the problem, with what is given instead of its own."""
+        z, R, transition = self.z if z is None else z, self.R if R is None else R, transition or self.transition
+        return linear_run(self.prior, self.t, z, self.H, R, transition, sequential)
+
     def exact(self, prior="own"):
         return dense_posterior(
             self.z, self.H, self.R, self.Phi, self.Q, self.prior if isinstance(prior, str) else prior
@@ -111,6 +123,24 @@ def problem() -> Problem:
 @pytest.fixture(scope="session")
 def exact(problem):
     return problem.exact()
+
+
+@pytest.fixture(scope="session")
+def filter_linear():
+    """The function `linear_run`."""
+    return linear_run
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Let a run and its kernels be plain Python: the same text, not compiled."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith("geokalman.kalman."):
+            for key, value in list(vars(module).items()):
+                if hasattr(value, "py_func"):
+                    monkeypatch.setattr(module, key, value.py_func)
+    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "compiled", lambda sensors: loop.loop)
+    monkeypatch.setattr(smoothing, "compiled_error_rts_loop", lambda: smoothing.error_rts_loop)
 
 
 @pytest.fixture(scope="session")

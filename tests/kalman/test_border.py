@@ -10,22 +10,21 @@ import pytest
 from scipy import sparse
 
 from geokalman.kalman import (
+    Adaptive,
     Gaussian,
     Information,
     Innovation,
+    Manifold,
     Model,
     Sensor,
-    adaptive_update,
     chi_square_bounds,
     extended,
-    filter_linear,
     gauss_markov,
     gaussian,
     integrated_white_noise,
     linear,
     nees,
     nis,
-    robust_update,
     run,
     smooth,
     smooth_information,
@@ -35,7 +34,6 @@ from geokalman.kalman import (
     whiteness,
 )
 from geokalman.kalman.checks import plain, scalar
-from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
 from geokalman.kalman.robust import gate, redundancy_numbers
 from geokalman.kalman.whitening import whiten_columns
 from geokalman.leastsquares import NormalEquations
@@ -240,9 +238,7 @@ Z = np.arange(float(N))[:, None]
 H, R, PHI, Q = np.array([[1.0, 0.0]]), np.eye(1), np.array([[1.0, 1.0], [0.0, 1.0]]), 0.01 * np.eye(2)
 PRIOR = gaussian(np.zeros(2), [100.0, 100.0])
 Y = Information(np.zeros(2), np.eye(2))
-COURSE = filter_linear(PRIOR, T, Z, H, R, (PHI, Q))
 SENSOR = Sensor(Z, R, lambda x, t: x[:1], lambda x, t: H)
-LINE = Manifold(lambda x, d: x + d, lambda x, y: y - x)
 
 
 def step(x, t0, t1):
@@ -256,8 +252,17 @@ def jacobian(x, t0, t1):
 MODEL = Model(f=step, F=jacobian, Q=Q)
 
 
-def on_manifold(observe=lambda k, x: (Z[k] - x[:1], H, R), cov=PRIOR.cov, propagate=lambda k, x: (PHI @ x, PHI, Q)):
-    return filter_manifold(LINE, np.zeros(2), cov, N, propagate, observe)
+def linear_run(prior=PRIOR, t=T, z=Z, H=H, R=R, Phi=PHI, Q=Q, **options):
+    return run(prior, t, Model(F=Phi, Q=Q), [Sensor(z, R, H=H)], **options)
+
+
+COURSE = linear_run()
+
+
+def on_line(prior=PRIOR, retract=lambda x, d: x + d, difference=lambda x, y: y - x, smoothed=False):
+    line = Manifold(retract=retract, difference=difference, n=2)
+    course = run(prior, T, replace(MODEL, manifold=line), [SENSOR])
+    return smooth(course) if smoothed else course
 
 
 CALLS = {  # argument -> a good value, and a call with it
@@ -269,11 +274,16 @@ CALLS = {  # argument -> a good value, and a call with it
     "linear.predict.prior": (np.eye(2), lambda v: linear.predict(Gaussian(np.zeros(2), v), PHI, Q)),
     "linear.update.H": (H, lambda v: linear.update(PRIOR, Z[0], v, R)),
     "linear.update.R": (R, lambda v: linear.update(PRIOR, Z[0], H, v)),
-    "filter_linear.t": (T, lambda v: filter_linear(PRIOR, v, Z, H, R, (PHI, Q))),
-    "filter_linear.H": (np.tile(H, (N, 1, 1)), lambda v: filter_linear(PRIOR, T, Z, v, R, (PHI, Q))),
-    "filter_linear.R": (np.tile(R, (N, 1, 1)), lambda v: filter_linear(PRIOR, T, Z, H, v, (PHI, Q))),
-    "filter_linear.Phi": (PHI, lambda v: filter_linear(PRIOR, T, Z, H, R, (v, Q))),
-    "filter_linear.Q(h)": (Q, lambda v: filter_linear(PRIOR, T, Z, H, R, lambda h: (PHI, v))),
+    "run.linear.t": (T, lambda v: linear_run(t=v)),
+    "run.linear.H": (np.tile(H, (N, 1, 1)), lambda v: linear_run(H=v)),
+    "run.linear.R": (np.tile(R, (N, 1, 1)), lambda v: linear_run(R=v)),
+    "run.linear.Phi": (PHI, lambda v: linear_run(Phi=v)),
+    "run.linear.Q(h)": (Q, lambda v: linear_run(Phi=lambda h: (PHI, v))),
+    "run.inputs": (np.ones((N, 2)), lambda v: run(PRIOR, T, MODEL, [replace(SENSOR, inputs=v)])),
+    "run.params": (np.ones(2), lambda v: run(PRIOR, T, replace(MODEL, params=v), [SENSOR])),
+    "run.gate": (np.array(9.0), lambda v: linear_run(gate=v)),
+    "Adaptive.floor": (np.array(0.5), lambda v: Adaptive(by="ratio", floor=v)),
+    "Adaptive.k1": (np.array(9.0), lambda v: Adaptive(by="ratio", k1=v)),
     "extended.update.h": (np.zeros(1), lambda v: extended.update(PRIOR, Z[0], v, H, R)),
     "extended.predict.f": (np.zeros(2), lambda v: extended.predict(PRIOR, v, PHI, Q)),
     "run.f(x)": (np.zeros(2), lambda v: run(PRIOR, T, replace(MODEL, f=lambda *a: v), [SENSOR])),
@@ -291,15 +301,10 @@ CALLS = {  # argument -> a good value, and a call with it
     "smooth_two_filter.H": (H, lambda v: smooth_two_filter(COURSE, Z, v, R)),
     "smooth_information.H": (H, lambda v: smooth_information(T, Z, v, R, (PHI, Q))),
     "smooth_information.prior": (np.eye(2), lambda v: smooth_information(T, Z, H, R, (PHI, Q), Y._replace(matrix=v))),
-    "filter_manifold.cov": (PRIOR.cov, lambda v: on_manifold(cov=v)),
-    "filter_manifold.residual": (np.ones(1), lambda v: on_manifold(lambda k, x: (v, H, R))),
-    "filter_manifold.A": (PHI, lambda v: on_manifold(propagate=lambda k, x: (x, v, Q))),
-    "smooth_manifold.local": (
-        np.ones(2),
-        lambda v: smooth_manifold(LINE._replace(local=lambda x, y: v), on_manifold()),
-    ),
-    "adaptive_update.H": (H, lambda v: adaptive_update(PRIOR, Z[0], v, R, lambda *a: 1.0)),
-    "robust_update.R": (R, lambda v: robust_update(PRIOR, Z[0], H, v)),
+    "manifold.mean": (PRIOR.mean, lambda v: on_line(prior=(v, PRIOR.cov))),
+    "manifold.cov": (PRIOR.cov, lambda v: on_line(prior=(PRIOR.mean, v))),
+    "manifold.retract": (np.ones(2), lambda v: on_line(retract=lambda x, d: v)),
+    "manifold.difference": (np.ones(2), lambda v: on_line(difference=lambda x, y: v, smoothed=True)),
     "redundancy_numbers.N": (np.ones((3, 1)), lambda v: redundancy_numbers(v, np.ones(3))),
     "redundancy_numbers.variance": (np.ones(3), lambda v: redundancy_numbers(np.ones((3, 1)), v)),
     "whiten_columns.P0": (np.eye(2), lambda v: whiten_columns(v, T, H, R, (PHI, Q), Z)),
@@ -341,15 +346,14 @@ HIDDEN.data[3] = 99999.0
 SEEN = HIDDEN.filled(np.nan)
 OBSERVED = {
     "linear.update": lambda z: linear.update(PRIOR, z[3], H, R)[0].mean,
-    "filter_linear": lambda z: filter_linear(PRIOR, T, z, H, R, (PHI, Q)).mean,
+    "run, linear": lambda z: linear_run(z=z).mean,
     "run": lambda z: run(PRIOR, T, MODEL, [replace(SENSOR, z=z)]).mean,
     "run, unscented": lambda z: run(PRIOR, T, MODEL, [replace(SENSOR, z=z)], "unscented").mean,
     "extended.update": lambda z: extended.update(PRIOR, z[3], np.zeros(1), H, R)[0].mean,
     "unscented.update": lambda z: unscented.update(PRIOR, z[3], lambda x: x[:1], R)[0].mean,
     "smooth_two_filter": lambda z: smooth_two_filter(COURSE, z, H, R).mean,
     "smooth_information": lambda z: smooth_information(T, z, H, R, (PHI, Q)).mean,
-    "adaptive_update": lambda z: adaptive_update(PRIOR, z[3], H, R, lambda *a: 0.5)[0].mean,
-    "robust_update": lambda z: robust_update(PRIOR, z[3], H, R)[0].mean,
+    "run, adaptive": lambda z: linear_run(z=z, adaptive=Adaptive(by="three_part")).mean,
     "nis": lambda z: np.array(nis(z)),
     "whiteness": lambda z: np.array(whiteness(z, 1).autocorrelation),
     "gate": lambda z: np.array(gate(Innovation(z[:, 0], np.eye(N), z[:, 0]), 0.999999)),
@@ -378,8 +382,10 @@ def test_a_trajectory_that_does_not_fit_is_refused():
         (lambda: chi_square_bounds([1.0, np.nan]), "dof holds nan"),
         (lambda: nis([[np.inf]]), "infinite"),
         (lambda: unscented.spread(2, "1", 2.0, 0.0), "alpha holds text"),
-        (lambda: robust_update(gaussian([0.0], [1.0]), [1.0], [[1.0]], [[1.0]], k0=True), "k0 holds truth values"),
-        (lambda: filter_linear(gaussian([0.0], [1.0]), [0.0], [[1.0]], [[1.0]], [[1.0]], None), "transition is a None"),
+        (lambda: Adaptive(by="innovations", k0=True), "k0 holds truth values"),
+        (lambda: Adaptive(by="robust", states=2.5), "states = 2.5: it must be a whole number"),
+        (lambda: linear_run(iterations=1.5), "iterations = 1.5: it must be a whole number"),
+        (lambda: run(PRIOR, T, Model(), [SENSOR]), "the model has neither f nor F"),
     ],
 )
 def test_settings_carry_no_more_than_numbers_either(call, says):
@@ -389,9 +395,7 @@ def test_settings_carry_no_more_than_numbers_either(call, says):
 
 @pytest.mark.parametrize("change", [lambda s: s + 9, lambda s: s + 0.5, lambda s: s - 1, lambda s: s.astype(bool)])
 def test_the_steps_of_a_trajectory_are_indices(change):
-    model = (np.array([[1.0, 1.0], [0.0, 1.0]]), np.eye(2))
-    prior = gaussian(np.zeros(2), np.ones(2))
-    course = filter_linear(prior, np.arange(3.0), np.zeros((3, 1)), [[1.0, 0.0]], [[1.0]], model)
+    course = linear_run(t=np.arange(3.0), z=np.zeros((3, 1)))
     assert replace(course, step=course.step.astype(float)).step.dtype == np.int64
     with pytest.raises(ValueError, match="step"):
         replace(course, step=change(course.step))

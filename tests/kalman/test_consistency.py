@@ -9,13 +9,15 @@ import pytest
 from scipy.stats import chi2
 
 from geokalman.kalman import (
+    Model,
     NotPositiveDefinite,
+    Sensor,
     chi_square_bounds,
-    filter_linear,
     gaussian,
     monte_carlo,
     nees,
     nis,
+    run,
     smooth,
     white_jerk,
     whiteness,
@@ -36,9 +38,10 @@ def simulate_and_filter(rng: np.random.Generator, q: float = Q_TRUE):
         truth[k] = Phi @ truth[k - 1] + np.linalg.cholesky(Q) @ rng.standard_normal(n)
     z = truth[:, :2] + rng.standard_normal((EPOCHS, 2)) @ np.linalg.cholesky(R).T
     z[rng.random((EPOCHS, 2)) < 0.1] = np.nan
-    run = filter_linear(prior, t, z, np.eye(2, n), R, white_jerk(10.0, q, 2))
-    smoothed = smooth(run)
-    return nees(run.mean - truth, run.cov), nees(smoothed.mean - truth, smoothed.cov), run.whitened
+    F, Q = white_jerk(10.0, q, 2)
+    course = run(prior, t, Model(F=F, Q=Q), [Sensor(z, R, H=np.eye(2, n))])
+    smoothed = smooth(course)
+    return nees(course.mean - truth, course.cov), nees(smoothed.mean - truth, smoothed.cov), course.whitened
 
 
 def too_quiet(rng: np.random.Generator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.kalman import Model, NotPositiveDefinite, Sensor, extended, filter_linear, gaussian, run, smooth
+from geokalman.kalman import Model, NotPositiveDefinite, Sensor, extended, gaussian, run, smooth
 
 
 def index(t, now):
@@ -24,7 +24,7 @@ def linear_run(p, sensors):
 def test_is_the_linear_filter_on_a_linear_problem(problem, close):
     p = problem
     sensor = Sensor(p.z, p.R, lambda x, t: p.H[index(p.t, t)] @ x, lambda x, t: p.H[index(p.t, t)])
-    ours, ref = linear_run(p, [sensor]), filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition)
+    ours, ref = linear_run(p, [sensor]), p.filter()
     close(ours.mean, ours.cov, ref.mean, ref.cov, 1e-10)
     close(ours.predicted_mean, ours.predicted_cov, ref.predicted_mean, ref.predicted_cov, 1e-10)
     np.testing.assert_allclose(ours.whitened, ref.whitened, atol=1e-10)
@@ -38,12 +38,12 @@ def test_two_sensors_in_turn_are_one_vector_on_a_linear_problem(problem, close):
     H = lambda rows: lambda x, t: p.H[index(p.t, t)][rows]
     h = lambda rows: lambda x, t: p.H[index(p.t, t)][rows] @ x
     parts = [Sensor(p.z[:, s], R[:, s, s], h(s), H(s)) for s in (slice(0, 2), slice(2, 4))]
-    ours, ref = linear_run(p, parts), filter_linear(p.prior, p.t, p.z, p.H, R, p.transition)
+    ours, ref = linear_run(p, parts), p.filter(R=R)
     close(ours.mean, ours.cov, ref.mean, ref.cov, 1e-10)
     np.testing.assert_allclose(ours.whitened, ref.whitened, atol=1e-10)
 
 
-def test_single_steps_are_the_run(problem):
+def test_single_steps_are_the_run(problem, filter_linear):
     p = problem
     state, innovation = extended.update(p.prior, p.z[1], p.H[1] @ p.prior.mean, p.H[1], p.R[1])
     state = extended.predict(state, p.Phi[0] @ state.mean, p.Phi[0], p.Q[0])

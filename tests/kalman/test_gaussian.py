@@ -7,7 +7,7 @@ import pickle
 import numpy as np
 import pytest
 
-from geokalman.kalman import NotPositiveDefinite, filter_linear, gaussian, smooth
+from geokalman.kalman import NotPositiveDefinite, Stopped, gaussian, smooth
 
 
 def test_gaussian_copies_and_symmetrises():
@@ -54,11 +54,14 @@ def test_error_survives_a_process_border():
     assert isinstance(error, NotPositiveDefinite) and isinstance(error, ValueError)
     assert (error.matrix, error.epoch, error.t) == ("innovation covariance", 3, 90.0)
     assert str(error) == "the innovation covariance is not positive definite at epoch 3 (t = 90 s): too small"
+    error = pickle.loads(pickle.dumps(Stopped("sensor", 3, 90.0, 7)))
+    assert (error.who, error.epoch, error.t, error.code) == ("sensor", 3, 90.0, 7)
+    assert str(error) == "the sensor stopped at epoch 3 (t = 90 s) with code 7"
 
 
 def test_trajectories_are_frozen_and_indexed_by_epoch(problem):
-    run = filter_linear(problem.prior, problem.t, problem.z, problem.H, problem.R, problem.transition)
-    for course in (run, smooth(run)):
+    filtered = problem.filter()
+    for course in (filtered, smooth(filtered)):
         assert len(course) == len(problem.t) and np.array_equal(course[3].cov, course.cov[3])
         with pytest.raises(AttributeError):
             course.mean = None

@@ -20,7 +20,6 @@ from geokalman.kalman.information import (
     information_update_step,
 )
 from geokalman.kalman.linear import observed_update_step, predict_step, scalar_update_step, update_step
-from geokalman.kalman.manifold import error_predict_step, error_rts_step, error_update_step
 from geokalman.kalman.robust import normal_step
 from geokalman.kalman.smoothing import rts_mean_step, rts_step
 from geokalman.kalman.whitening import whiten_columns
@@ -86,8 +85,6 @@ def test_prediction(m):
     predict_step(m.x, m.P, m.Phi, m.Q, x, P)
     np.testing.assert_array_equal(x, m.Phi @ m.x)
     np.testing.assert_array_equal(P, m.Phi @ m.P @ m.Phi.T + m.Q)
-    error_predict_step(m.P, m.Phi, m.Q, P)
-    np.testing.assert_array_equal(P, m.Phi @ m.P @ m.Phi.T + m.Q)
 
 
 def test_joint_update(m):
@@ -97,9 +94,6 @@ def test_joint_update(m):
     near(x, mean), near(P, cov), near(S, S_wanted)
     whitened = np.linalg.solve(np.linalg.cholesky(S_wanted), m.z - m.H @ m.x)
     near(w, whitened)
-    d, P, S = np.full(N, np.nan), m.P.copy(), np.empty((M, M))
-    assert error_update_step(P, m.z - m.H @ m.x, m.H, m.R, d, S, w) == 0
-    near(m.x + d, mean), near(P, cov)
     assert innovation_step(m.P, m.z - m.H @ m.x, m.H, m.R, S, w) == 0
     near(S, S_wanted), near(w, whitened)
 
@@ -156,8 +150,6 @@ def test_smoother_step(m):
     near(x, m.x + C @ m.y), near(P, m.P + C @ (P_later - ahead) @ C.T)
     assert rts_mean_step(m.x, m.P, m.Phi @ m.x, ahead, m.Phi, later, x) == 0
     near(x, m.x + C @ m.y)
-    assert error_rts_step(m.P, ahead, m.Phi, m.Q, m.y, P_later, x, P) == 0
-    near(x, C @ m.y), near(P, m.P + C @ (P_later - ahead) @ C.T)
 
 
 def test_whitened_columns(m):

@@ -7,8 +7,8 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman.kalman import NotPositiveDefinite, filter_linear, gaussian, linear, white_jerk
-from geokalman.kalman.linear import filter_loop, observed_update_step, predict_step, scalar_update_step, update_step
+from geokalman.kalman import NotPositiveDefinite, gaussian, linear, white_jerk
+from geokalman.kalman.linear import observed_update_step, predict_step, scalar_update_step, update_step
 
 
 def test_agrees_with_statsmodels_with_gaps_and_irregular_steps(problem, close):
@@ -23,7 +23,7 @@ def test_agrees_with_statsmodels_with_gaps_and_irregular_steps(problem, close):
     peer["selection"] = np.eye(n)
     peer.initialize_known(p.prior.mean, p.prior.cov)
     theirs = peer.filter()
-    ours = filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition)
+    ours = p.filter()
     close(ours.mean, ours.cov, theirs.filtered_state.T, theirs.filtered_state_cov.transpose(2, 0, 1), 1e-9)
     close(
         ours.predicted_mean,
@@ -50,7 +50,7 @@ def test_agrees_with_filterpy(problem, close):
     peer = KalmanFilter(dim_x=n, dim_z=m)
     peer.x, peer.P = p.prior.mean.copy(), p.prior.cov.copy()
     z = np.where(np.isnan(p.z), 1.5, p.z)  # filterpy has no missing components
-    ours = filter_linear(p.prior, p.t, z, p.H, p.R, (p.Phi, p.Q))
+    ours = p.filter(z=z, transition=(p.Phi, p.Q))
     for k in range(len(p.t)):
         if k:
             peer.predict(F=p.Phi[k - 1], Q=p.Q[k - 1])
@@ -60,7 +60,7 @@ def test_agrees_with_filterpy(problem, close):
 
 def test_last_state_is_that_of_the_dense_batch_solution(problem, exact, close):
     for sequential in (True, False):
-        ours = filter_linear(problem.prior, problem.t, problem.z, problem.H, problem.R, problem.transition, sequential)
+        ours = problem.filter(sequential)
         close(*ours[-1], exact[0][-1], exact[1][-1], 1e-10)
 
 
@@ -68,8 +68,8 @@ def test_sequential_equals_joint(problem, close):
     p = problem
     diagonal = np.array([np.diag(np.diag(R)) for R in p.R])
     for R in (p.R, diagonal):
-        one = filter_linear(p.prior, p.t, p.z, p.H, R, p.transition, sequential=True)
-        other = filter_linear(p.prior, p.t, p.z, p.H, R, p.transition, sequential=False)
+        one = p.filter(True, R=R)
+        other = p.filter(False, R=R)
         close(one.mean, one.cov, other.mean, other.cov, 1e-11)
         np.testing.assert_allclose(one.whitened, other.whitened, atol=1e-10)
         assert np.array_equal(np.isnan(one.whitened), np.isnan(p.z))
@@ -77,14 +77,14 @@ def test_sequential_equals_joint(problem, close):
 
 def test_run_equals_single_calls(problem):
     p = problem
-    run = filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition, sequential=False)
+    course = p.filter(sequential=False)
     state = p.prior
     for k in range(len(p.t)):
         if k:
             state = linear.predict(state, p.Phi[k - 1], p.Q[k - 1])
         state, innovation = linear.update(state, p.z[k], p.H[k], p.R[k])
-        np.testing.assert_allclose(state.mean, run.mean[k], rtol=1e-12)
-        np.testing.assert_allclose(innovation.whitened, run.whitened[k], atol=1e-12)
+        np.testing.assert_allclose(state.mean, course.mean[k], rtol=1e-12)
+        np.testing.assert_allclose(innovation.whitened, course.whitened[k], atol=1e-12)
         seen = ~np.isnan(p.z[k])
         root = np.linalg.cholesky(innovation.S[np.ix_(seen, seen)])
         np.testing.assert_allclose(root @ innovation.whitened[seen], innovation.residual[seen], rtol=1e-9, atol=1e-10)
@@ -107,8 +107,8 @@ def test_covariances_are_exactly_symmetric_and_inputs_untouched(problem):
     p = problem
     before = [a.copy() for a in (p.z, p.H, p.R, p.Phi, p.Q, *p.prior)]
     for sequential in (True, False):
-        run = filter_linear(p.prior, p.t, p.z, p.H, p.R, (p.Phi, p.Q), sequential)
-        for P in (run.cov, run.predicted_cov):
+        course = p.filter(sequential, transition=(p.Phi, p.Q))
+        for P in (course.cov, course.predicted_cov):
             assert np.array_equal(P, P.transpose(0, 2, 1))
     for one, other in zip(before, (p.z, p.H, p.R, p.Phi, p.Q, *p.prior), strict=True):
         assert np.array_equal(one, other, equal_nan=True)
@@ -132,26 +132,14 @@ def test_joseph_form_keeps_a_tiny_variance_out_of_a_huge_one():
 
 
 @pytest.mark.parametrize("sequential", [True, False])
-def test_compiled_loop_equals_plain_python(problem, sequential, monkeypatch):
+def test_compiled_loop_equals_plain_python(problem, sequential, request):
     """The same text, compiled and interpreted, gives the same numbers (fused multiply-adds are off)."""
-    from geokalman.kalman import dense
-
-    p = problem
-    run = filter_linear(p.prior, p.t, p.z, p.H, p.R, p.transition, sequential)
-    kernels = {
-        linear: ("predict_step", "scalar_update_step", "update_step", "whiten", "observed_update_step")
-        + ("_sequential_component", "copy_state", "cholesky_upper", "solve_lower", "solve_upper", "symmetrise"),
-        dense: ("symmetrise",),
-    }
-    for module, names in kernels.items():
-        for name in names:
-            monkeypatch.setattr(module, name, getattr(getattr(module, name), "py_func", getattr(module, name)))
-    again = [np.empty_like(a) for a in (run.mean, run.cov, run.mean, run.cov, run.whitened)]
-    again[0][0], again[1][0] = p.prior
-    loop = getattr(filter_loop, "py_func", filter_loop)
-    assert loop(p.z, p.H, p.R, run.transition, run.process_noise, run.step, sequential, *again) == (-1, 0)
-    for a, b in zip(again, (run.predicted_mean, run.predicted_cov, run.mean, run.cov, run.whitened), strict=True):
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.nanmax(np.abs(b)))
+    compiled = problem.filter(sequential)
+    request.getfixturevalue("interpreted")
+    plain = problem.filter(sequential)
+    for name in ("predicted_mean", "predicted_cov", "mean", "cov", "whitened"):
+        wanted = getattr(compiled, name)
+        np.testing.assert_allclose(getattr(plain, name), wanted, rtol=1e-12, atol=1e-12 * np.nanmax(np.abs(wanted)))
 
 
 def test_update_step_of_one_row_is_the_scalar_step(problem):
@@ -166,7 +154,7 @@ def test_update_step_of_one_row_is_the_scalar_step(problem):
     np.testing.assert_allclose(P1, P2, rtol=1e-12, atol=1e-16)
 
 
-def test_axes_of_a_position_only_filter_decouple():
+def test_axes_of_a_position_only_filter_decouple(filter_linear):
     rng = np.random.default_rng(5)
     t, z = np.arange(40) * 30.0, rng.standard_normal((40, 3))
     full = filter_linear(
@@ -179,14 +167,14 @@ def test_axes_of_a_position_only_filter_decouple():
         np.testing.assert_allclose(full.mean[:, axis::3], one.mean, rtol=1e-12, atol=1e-15)
 
 
-def test_single_epoch_is_filtered():
-    run = filter_linear(gaussian([0.0], [[1.0]]), [7.0], [[2.0]], [[1.0]], [[1.0]], ([[1.0]], [[1.0]]))
-    assert run.mean[0, 0] == 1.0 and run.cov[0, 0, 0] == 0.5 and len(run) == 1
-    run = filter_linear(gaussian([0.0], [[1.0]]), [7.0], [[2.0]], [[1.0]], [[1.0]], lambda h: 1 / 0)
-    assert run.transition.shape == (0, 1, 1)
+def test_single_epoch_is_filtered(filter_linear):
+    course = filter_linear(gaussian([0.0], [[1.0]]), [7.0], [[2.0]], [[1.0]], [[1.0]], ([[1.0]], [[1.0]]))
+    assert course.mean[0, 0] == 1.0 and course.cov[0, 0, 0] == 0.5 and len(course) == 1
+    course = filter_linear(gaussian([0.0], [[1.0]]), [7.0], [[2.0]], [[1.0]], [[1.0]], lambda h: 1 / 0)
+    assert course.transition.shape == (0, 1, 1)
 
 
-def test_innovation_covariance_that_is_not_positive_names_the_epoch():
+def test_innovation_covariance_that_is_not_positive_names_the_epoch(filter_linear):
     prior = gaussian([0.0, 0.0], [[1.0, 0.0], [0.0, 0.0]])
     steps = (np.eye(2), np.zeros((2, 2)))
     for sequential in (True, False):
@@ -218,19 +206,19 @@ def test_kernel_returns_where_the_innovation_covariance_fails():
         ({"t": [0.0, 1.0, 1.0]}, r"t\[2\] = 1.0 does not come after t\[1\] = 1.0"),
         ({"t": []}, "t is empty"),
         ({"t": [0.0, np.nan, 1.0]}, r"t\[1\] is nan: values must be finite"),
-        ({"z": np.zeros((2, 1))}, r"z has the shape \(2, 1\), it must be \(3, any\)"),
-        ({"z": [[0.0], [np.inf], [0.0]]}, r"z\[1, 0\] is inf: values must be finite, or NaN"),
-        ({"H": np.ones((2, 2))}, r"H has the shape \(2, 2\), it must be \(1, 2\)"),
-        ({"H": np.ones((2, 1, 2))}, r"H has the shape \(2, 1, 2\), it must be \(3, 1, 2\)"),
-        ({"R": [[-1.0]]}, r"R is not positive definite: its diagonal element 0 is -1"),
-        ({"R": np.array([[[1.0]], [[np.nan]], [[1.0]]])}, r"R\[1, 0, 0\] is nan"),
+        ({"z": np.zeros((2, 1))}, r"z of sensor 0 has the shape \(2, 1\), it must be \(3, any\)"),
+        ({"z": [[0.0], [np.inf], [0.0]]}, r"z of sensor 0\[1, 0\] is inf: values must be finite, or NaN"),
+        ({"H": np.ones((2, 2))}, r"H of sensor 0 has the shape \(2, 2\), it must be \(1, 2\)"),
+        ({"H": np.ones((2, 1, 2))}, r"H of sensor 0 has the shape \(2, 1, 2\), it must be \(3, 1, 2\)"),
+        ({"R": [[-1.0]]}, r"R of sensor 0 is not positive definite: its diagonal element 0 is -1"),
+        ({"R": np.array([[[1.0]], [[np.nan]], [[1.0]]])}, r"R of sensor 0\[1, 0, 0\] is nan"),
         ({"transition": (np.eye(3), np.eye(2))}, r"Phi has the shape \(3, 3\), it must be \(2, 2\)"),
         ({"transition": (np.eye(2), [[1.0, 0.5], [0.0, 1.0]])}, r"Q is not symmetric: element \(0, 1\) is 0.5"),
         ({"transition": (np.eye(2), [[1.0, 2.0], [2.0, 1.0]])}, "Q is not positive definite: .* eigenvalue -1"),
         ({"transition": lambda h: (np.eye(2), np.eye(3))}, r"Q has the shape \(3, 3\)"),
     ],
 )
-def test_wrong_input_is_named(change, message):
+def test_wrong_input_is_named(change, message, filter_linear):
     good = {
         "prior": gaussian([0.0, 0.0], [1.0, 1.0]),
         "t": [0.0, 1.0, 2.0],
@@ -244,7 +232,7 @@ def test_wrong_input_is_named(change, message):
         filter_linear(**{**good, **change})
 
 
-def test_per_epoch_noise_with_a_bad_member_names_it():
+def test_per_epoch_noise_with_a_bad_member_names_it(filter_linear):
     Q = np.stack([np.eye(2), -np.eye(2)])
     with pytest.raises(NotPositiveDefinite, match=r"Q\[1\]"):
         filter_linear(gaussian([0, 0], [1, 1]), [0, 1, 2], np.zeros((3, 1)), np.ones((1, 2)), [[1.0]], (np.eye(2), Q))

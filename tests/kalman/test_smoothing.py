@@ -10,7 +10,6 @@ import pytest
 from geokalman.kalman import (
     Information,
     NotPositiveDefinite,
-    filter_linear,
     gaussian,
     smooth,
     smooth_information,
@@ -23,7 +22,7 @@ from geokalman.kalman.smoothing import rts_mean_step, rts_step
 
 @pytest.fixture(scope="module")
 def course(problem):
-    return filter_linear(problem.prior, problem.t, problem.z, problem.H, problem.R, problem.transition)
+    return problem.filter()
 
 
 def test_rts_is_the_dense_posterior(course, exact, close):
@@ -91,23 +90,12 @@ def test_mean_step_is_the_mean_of_the_full_step(course):
     assert np.array_equal(x_in_place, x1)
 
 
-def test_compiled_smoother_equals_plain_python(course, monkeypatch):
-    from geokalman.kalman import smoothing
-
-    s = smooth(course)
-    for name in (
-        "rts_step",
-        "rts_loop",
-        "cholesky_upper",
-        "solve_lower",
-        "solve_upper",
-        "_add_congruence",
-        "copy_state",
-    ):
-        monkeypatch.setattr(smoothing, name, getattr(getattr(smoothing, name), "py_func", getattr(smoothing, name)))
-    again = smoothing.smooth(course)
-    np.testing.assert_allclose(again.mean, s.mean, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(again.cov, s.cov, rtol=1e-9, atol=1e-14)
+def test_compiled_smoother_equals_plain_python(course, request):
+    compiled = smooth(course)
+    request.getfixturevalue("interpreted")
+    plain = smooth(course)
+    np.testing.assert_allclose(plain.mean, compiled.mean, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(plain.cov, compiled.cov, rtol=1e-9, atol=1e-14)
 
 
 def test_steps_of_the_information_form_are_those_of_the_covariance_form():
@@ -147,7 +135,7 @@ def test_undetermined_states_are_named():
         smooth_information(t, z, H, [[1.0]], (white_jerk(1.0, 1.0, 1)[0], np.zeros((3, 3))))
 
 
-def test_singular_predicted_covariance_names_the_epoch():
+def test_singular_predicted_covariance_names_the_epoch(filter_linear):
     steps = (np.eye(2), np.zeros((2, 2)))
     run = filter_linear(gaussian([0, 0], [1.0, 0.0]), [0.0, 10.0, 20.0], np.zeros((3, 1)), [[1.0, 0.0]], [[1.0]], steps)
     match = r"predicted covariance .* at epoch 2 \(t = 20 s\).* pivot 1"
@@ -169,7 +157,7 @@ def test_a_trajectory_from_elsewhere_is_judged_too(problem, course):
     assert rts_mean_step(x, np.eye(2), x, np.diag([1.0, 0.0]), np.eye(2), x, x) == 2
 
 
-def test_information_form_needs_observation_noise():
+def test_information_form_needs_observation_noise(filter_linear):
     steps = (np.eye(1), np.eye(1))
     run = filter_linear(gaussian([0.0], [1.0]), [0.0, 1.0], [[1.0], [2.0]], [[1.0]], [[0.0]], steps)
     with pytest.raises(NotPositiveDefinite, match="observation noise covariance .* at epoch 1"):

@@ -11,10 +11,9 @@ import pytest
 
 from geokalman.kalman import (
     Information,
-    NotPositiveDefinite,
     Model,
+    NotPositiveDefinite,
     Sensor,
-    filter_linear,
     gaussian,
     run,
     smooth,
@@ -50,7 +49,8 @@ class Pair:
             self.z[3], self.z[5, 1] = np.nan, np.nan
 
     def filter(self, sequential=True):
-        return filter_linear(self.prior, self.t, self.z, self.H, self.R, self.transition, sequential)
+        F, Q = self.transition
+        return run(self.prior, self.t, Model(F=F, Q=Q), [Sensor(self.z, self.R, H=self.H, sequential=sequential)])
 
     def exact(self, posterior):
         N = len(self.t)
@@ -68,10 +68,10 @@ def test_a_ten_kilometre_prior_beside_micrometres_per_second(posterior, close):
     pair = Pair(8, [1e8, 1e2, 1e-2])
     exact = pair.exact(posterior)
     for sequential in (True, False):
-        run = pair.filter(sequential)
-        assert smallest_eigenvalue(run.cov) > 0.0
-        close(*run[-1], exact[0][-1], exact[1][-1], 1e-7)
-        for s in (smooth(run), smooth_two_filter(run, pair.z, pair.H, pair.R)):
+        course = pair.filter(sequential)
+        assert smallest_eigenvalue(course.cov) > 0.0
+        close(*course[-1], exact[0][-1], exact[1][-1], 1e-7)
+        for s in (smooth(course), smooth_two_filter(course, pair.z, pair.H, pair.R)):
             close(s.mean, s.cov, *exact, 5e-6)
             assert smallest_eigenvalue(s.cov) > 1e-6
 
@@ -121,8 +121,8 @@ def test_tight_weights_keep_smoothed_covariances_positive():
     """Tight weights (q = 1e-6, 1e-6 m/s): P + C (P_next - P_predicted) C' has lost its sign here before."""
     pair = Pair(300, [1e-4, 1e-6, 1e-8], q=1e-6, gap=False)
     for sequential in (True, False):
-        run = pair.filter(sequential)
-        s = smooth(run)
-        assert smallest_eigenvalue(run.cov) > 0.0 and smallest_eigenvalue(s.cov) > 0.0
-        sigma = np.sqrt(np.diagonal(run.cov, axis1=1, axis2=2))
+        course = pair.filter(sequential)
+        s = smooth(course)
+        assert smallest_eigenvalue(course.cov) > 0.0 and smallest_eigenvalue(s.cov) > 0.0
+        sigma = np.sqrt(np.diagonal(course.cov, axis1=1, axis2=2))
         assert (np.sqrt(np.diagonal(s.cov, axis1=1, axis2=2)) <= sigma * (1 + 1e-9)).all()

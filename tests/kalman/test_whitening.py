@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from geokalman.kalman.linear import filter_linear
 from geokalman.kalman.whitening import whiten_columns, whitening_loop
 
 
@@ -40,7 +39,7 @@ def test_columns_are_whitened_by_the_root_of_the_dense_covariance():
     np.testing.assert_allclose(W, np.linalg.solve(np.linalg.cholesky(C), A), rtol=0, atol=1e-9)
 
 
-def test_a_column_of_data_gives_the_whitened_innovations_of_the_filter():
+def test_a_column_of_data_gives_the_whitened_innovations_of_the_filter(filter_linear):
     rng = np.random.default_rng(4)
     t, P0, H, R, transition = model(rng)
     z = rng.standard_normal(len(t))

@@ -220,18 +220,22 @@ def adapt_step(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
     elif by == _INNOVATIONS:
         innovation_weights_step(residual, S, k0, k1, weights)
     else:
+        N, variance, leading = np.empty((m, states)), np.empty(m), np.empty((states, states))
+        for j in range(states):
+            for a in range(m):
+                N[a, j] = H[a, j]
+            for i in range(states):
+                leading[i, j] = P[i, j]
+        for a in range(m):
+            variance[a] = R[a, a]
         d, U = np.empty(states), np.empty((states, states))
-        variance = np.diag(R).copy()
-        found = equivalent_weights_step(
-            np.ascontiguousarray(H[:, :states]), residual, variance, k0, k1, PASSES if by == _ROBUST else 1, d, U, weights
-        )
+        found = equivalent_weights_step(N, residual, variance, k0, k1, PASSES if by == _ROBUST else 1, d, U, weights)
+        if found != 0 or by != _ROBUST:
+            for a in range(m):
+                weights[a] = 1.0
         if found != 0:
-            weights[:] = 1.0
             return 0, np.nan
-        if by != _ROBUST:
-            weights[:] = 1.0
-        leading = np.ascontiguousarray(P[:states, :states])
-        s = np.sqrt((d * d).sum() / np.trace(leading)) if by == _LITERAL else state_discrepancy(d, leading, U)
+        s = norm_ratio(d, leading) if by == _LITERAL else state_discrepancy(d, leading, U)
         if np.isnan(s):
             return 1, 1.0
         alpha = three_part(s, k0, k1, floor)

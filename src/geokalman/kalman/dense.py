@@ -15,13 +15,25 @@ from numba import njit
 
 @njit(cache=True)
 def copy_state(x: np.ndarray, P: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> None:
-    """Copy a mean (n,) and a covariance (n, n); a slice assignment would compile for seconds (numba's error
-    message)."""
-    n = x.shape[0]
-    for i in range(n):
+    """Copy a mean (nx,) and a covariance (n, n), nx = n but on a manifold."""
+    for i in range(x.shape[0]):
         x_out[i] = x[i]
-        for j in range(n):
-            P_out[i, j] = P[i, j]
+    copy(P, P_out)
+
+
+@njit(cache=True)
+def copy(A: np.ndarray, out: np.ndarray) -> None:
+    """Copy a matrix; a slice assignment would compile for seconds (numba's error message)."""
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[i, j] = A[i, j]
+
+
+@njit(cache=True)
+def copy_vector(x: np.ndarray, out: np.ndarray) -> None:
+    """Copy a vector."""
+    for i in range(x.shape[0]):
+        out[i] = x[i]
 
 
 @njit(cache=True)

@@ -98,7 +98,8 @@ class Trajectory:
         for item in fields(self)[:8]:  # step holds indices
             values = plain(item.name, getattr(self, item.name), missing=item.name == "whitened")
             object.__setattr__(self, item.name, values)
-        N, n = self.t.size, self.cov.shape[-1] if self.cov.ndim else 0
+        size = self.mean if self.manifold is None else self.cov
+        N, n = self.t.size, size.shape[-1] if size.ndim else 0
         nx = n if self.manifold is None else None
         for name, shape in {
             "predicted_mean": (N, nx), "mean": (N, nx), "predicted_cov": (N, n, n), "cov": (N, n, n),

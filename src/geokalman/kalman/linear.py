@@ -183,10 +183,11 @@ def observed_update_step(
     x : (n,); P : (n, n); z : (m,); H : (m, n); R : (m, m); output whitened : (m,), NaN where z is.
     Returns 0; k >= 1 where the innovation covariance, -k where R is not positive definite in observed component k - 1.
     """
-    whitened[:] = np.nan
+    for a in range(z.size):
+        whitened[a] = np.nan
     seen, z_seen, H_seen, R_seen = rows_seen(z, H, R)
     count = seen.size
-    if sequential and np.count_nonzero(R_seen) == np.count_nonzero(np.diag(R_seen)):
+    if sequential and _diagonal(R_seen):
         for b in range(count):
             status = _sequential_component(x, P, z_seen[b], H_seen[b], R_seen[b, b], seen[b], whitened)
             if status != 0:
@@ -213,6 +214,15 @@ def observed_update_step(
         for b in range(count):
             whitened[seen[b]] = w[b]
     return status
+
+
+@njit(cache=True)
+def _diagonal(A):
+    for i in range(A.shape[0]):
+        for j in range(A.shape[0]):
+            if i != j and A[i, j] != 0.0:
+                return False
+    return True
 
 
 @njit(cache=True)
@@ -303,7 +313,7 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
     Phi, Q = matrices("Phi", Phi, count, n, n), covariances("Q", Q, count, n)
     if len(Phi) == len(Q) == 1:
         return Phi, Q, np.zeros(count, np.int64)
-    Phi, Q = (stack if len(stack) == count else np.repeat(stack, count, axis=0) for stack in (Phi, Q))
+    Phi, Q = (np.array(np.broadcast_to(stack, (count, n, n)), order="C") for stack in (Phi, Q))  # writable
     return Phi, Q, np.arange(count)
 
 

@@ -16,7 +16,7 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import register_jitable
 
 from geokalman.kalman.adaptive import adapt_step
-from geokalman.kalman.dense import copy_state, solve_upper
+from geokalman.kalman.dense import copy, copy_state, copy_vector, solve_upper
 from geokalman.kalman.linear import observed_update_step, predict_step, rows_seen, scalar_update_step, update_step
 from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, vector
 from geokalman.kalman.unscented import sigma_points_step, transform_step, unscented_update_step
@@ -25,8 +25,8 @@ LINEAR, EXTENDED, UNSCENTED = range(3)
 PREDICTION, INNOVATION, NOISE, DRAW, MODEL, SENSOR = range(1, 7)
 """What failed: a root of the filtered covariance, of the innovation covariance, of the sensor's noise, of the prior
 covariance; or the model's or the sensor's own function stopped."""
-SENSORS = 4
-"""Compiled loops hold so many sensors, or a multiple of it: one compilation serves nearly everybody."""
+FUNCTIONS = 4
+"""The compiled loop takes so many different functions of sensors; with more the loop runs as Python."""
 
 
 class Motion(NamedTuple):
@@ -47,12 +47,13 @@ class Motion(NamedTuple):
 class Sensing(NamedTuple):
     """All sensors as arrays: sensor s has the columns first[s] to first[s + 1] of z (N, M).
 
-    R : (K, M, M), block diagonal; H : (K, M, n); inputs and params likewise side by side. scalar : its R is diagonal and
-    its components are taken one after the other.
+    function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs and params likewise
+    side by side; scalar : its R is diagonal and its components are taken one after the other.
     """
 
     first: np.ndarray
     kind: np.ndarray
+    function: np.ndarray
     scalar: np.ndarray
     sequential: np.ndarray
     z: np.ndarray
@@ -104,11 +105,21 @@ def _nothing_seen(z):
 
 
 @njit(cache=True)
+def _any_missing(z):
+    for a in range(z.size):
+        if np.isnan(z[a]):
+            return True
+    return False
+
+
+@njit(cache=True)
 def _linear_update(x, P, z, H, R, first, scalar, sequential, whitened):
     """Condition on z = H x + v, in place; R : of all sensors, this one's block begins at `first`. Returns a status."""
     m, n = H.shape
     if not scalar:
-        return observed_update_step(x, P, z, H, R[first : first + m, first : first + m].copy(), sequential, whitened)
+        R_own = np.empty((m, m))
+        _block(R, first, R_own)
+        return observed_update_step(x, P, z, H, R_own, sequential, whitened)
     for a in range(m):
         if np.isnan(z[a]):
             continue
@@ -127,20 +138,18 @@ def _extended_update(x, P, residual, H, R, whitened):
     """Condition on the components of a linearised observation that are not NaN, in place. Returns a status."""
     m = residual.size
     if m == 1:
+        if np.isnan(residual[0]):
+            return 0
         S = scalar_update_step(x, P, residual[0], H[0], R[0, 0])
         if not S > 0.0:
             return 1
         whitened[0] = residual[0] / np.sqrt(S)
         return 0
-    whole = True
-    for a in range(m):
-        if np.isnan(residual[a]):
-            whole = False
-    if whole:
+    if not _any_missing(residual):
         return update_step(x, P, residual, H, R, np.empty((m, m)), whitened)
     seen, residual, H, R = rows_seen(residual, H, R)
     white = np.empty(seen.size)
-    status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+    status = update_step(x, P, residual, H, R, np.empty((seen.size, seen.size)), white)
     if status == 0:
         for b in range(seen.size):
             whitened[seen[b]] = white[b]
@@ -151,7 +160,9 @@ def _extended_update(x, P, residual, H, R, whitened):
 def _adapted_update(x, P, residual, H, R, options, whitened, weights):
     """As `_extended_update`, after the hook judged prediction and observations. Returns (status, factor)."""
     seen, residual, H, R = rows_seen(residual, H, R)
-    white, weight = np.empty(seen.size), np.ones(seen.size)
+    white, weight = np.empty(seen.size), np.empty(seen.size)
+    for b in range(seen.size):
+        weight[b] = 1.0
     status, alpha = adapt_step(
         options.adapt, P, residual, H, R, options.k0, options.k1, options.floor, options.states, white, weight
     )
@@ -159,16 +170,22 @@ def _adapted_update(x, P, residual, H, R, options, whitened, weights):
         for b in range(seen.size):
             whitened[seen[b]] = white[b]
             weights[seen[b]] = weight[b]
-        status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+        status = update_step(x, P, residual, H, R, np.empty((seen.size, seen.size)), white)
     return status, alpha
 
 
 @njit(cache=True)
 def _unscented_update(x, P, U, gamma, z, R, c, w, whitened):
     """Condition on the components of z that are not NaN, given the images gamma (2 n + 1, m) of all. Returns a status."""
-    seen, z, gamma_t, R = rows_seen(z, gamma.T, R)
-    white = np.empty(seen.size)
-    status = unscented_update_step(x, P, U, gamma_t.T.copy(), z, R, c, w, np.empty(R.shape), white)
+    m = z.size
+    if not _any_missing(z):
+        return unscented_update_step(x, P, U, gamma, z, R, c, w, np.empty((m, m)), whitened)
+    seen, z, _, R = rows_seen(z, R, R)
+    white, columns = np.empty(seen.size), np.empty((gamma.shape[0], seen.size))
+    for i in range(gamma.shape[0]):
+        for b in range(seen.size):
+            columns[i, b] = gamma[i, seen[b]]
+    status = unscented_update_step(x, P, U, columns, z, R, c, w, np.empty((seen.size, seen.size)), white)
     if status == 0:
         for b in range(seen.size):
             whitened[seen[b]] = white[b]
@@ -214,14 +231,19 @@ def _block(A, first, out):
 
 
 @register_jitable
-def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R, x, P, whitened):
+def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R_all, first, R, x, P, whitened):
     """An extended update with several linearisations, a gate or a manifold, in place. Returns (what failed, status)."""
-    prior, P_prior, squares = x.copy(), P.copy(), 0.0
-    d, moved, white = np.zeros(P.shape[0]), np.empty(x.size), np.full(z.size, np.nan)
+    n, squares = P.shape[0], 0.0
+    prior, P_prior = np.empty(x.size), np.empty((n, n))
+    copy_state(x, P, prior, P_prior)
+    d, moved, white = np.zeros(n), np.empty(x.size), np.empty(z.size)
+    for a in range(z.size):
+        white[a] = np.nan
     for i in range(options.iterations):
         if linear:
             _projected(H, x, h)
         else:
+            _block(R_all, first, R)
             status = observe(t, x, u, p, h, H, R)
             if status != 0:
                 return SENSOR, status
@@ -229,21 +251,22 @@ def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R
         if i > 0:  # linearised here, the prior is still that from before
             difference(x, prior, d)
             _less(H, d, h)
-            d[:] = 0.0
-            P[:] = P_prior
+            for j in range(d.size):
+                d[j] = 0.0
+            copy(P_prior, P)
         status = _extended_update(d, P, h, H, R, white)
         if status != 0:
             return INNOVATION, status
         if i == 0:
-            whitened[:] = white
+            copy_vector(white, whitened)
             for a in range(white.size):
                 if not np.isnan(white[a]):
                     squares += white[a] * white[a]
             if squares > options.gate:
-                P[:] = P_prior
+                copy(P_prior, P)
                 return INNOVATION, 0
         retract(prior, d, moved)
-        x[:] = moved
+        copy_vector(moved, x)
     return INNOVATION, 0
 
 
@@ -254,7 +277,10 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
     points, nothing = 2 * n + 1, np.empty((0, 0))
     h_all, H_all, R_all, gamma_all = np.empty(M), np.empty(M * n), np.empty(M * M), np.empty(points * M)
     chi, U, image = np.empty((points, n)), np.empty((n, n)), np.empty((points, n))
-    D, rest, zero, spare = np.empty((n, n)), np.empty((n, n)), np.zeros(n), np.empty(n)
+    D, rest, zero, spare, R_spare = np.empty((n, n)), np.empty((n, n)), np.zeros(n), np.empty(n), np.empty(M * M)
+    identity, none = np.zeros((n, n)), np.zeros((n, n))
+    for j in range(n):
+        identity[j, j] = 1.0
     for k in range(N):
         x, P = course.mean[k], course.cov[k]
         if k > 0:
@@ -266,8 +292,8 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 predict_step(x_before, P_before, motion.Phi[s], motion.Q[s], x_next, P_next)
             elif t[k] == t[k - 1]:  # another observation of the same epoch
                 copy_state(x_before, P_before, x_next, P_next)
-                motion.Phi[k - 1] = np.eye(n)
-                motion.Q[k - 1] = 0.0
+                copy(identity, motion.Phi[k - 1])
+                copy(none, motion.Q[k - 1])
             elif motion.kind == EXTENDED:
                 Phi, Q = motion.Phi[k - 1], motion.Q[k - 1]
                 status = propagate(t[k - 1], t[k], x_before, u, motion.params, x_next, Phi, Q)
@@ -287,7 +313,7 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 transform_step(image, Q, options.c, options.w, x_next, D, rest, P_next)
                 solve_upper(U, D)  # D' is now the linearisation
                 _transposed(D, motion.Phi[k - 1])
-                Q[:] = rest
+                copy(rest, Q)
         copy_state(course.predicted_mean[k], course.predicted_cov[k], x, P)
         for s in range(sensing.kind.size):
             first, last = sensing.first[s], sensing.first[s + 1]
@@ -310,9 +336,9 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 status = sigma_points_step(x, P, options.c, chi, U)
                 if status != 0:
                     return k, DRAW, status
-                gamma = gamma_all[: points * m].reshape((points, m))
-                for i in range(points):
-                    status = observe[s](t[k], chi[i], u, p, gamma[i], nothing, R)
+                gamma, R_rest = gamma_all[: points * m].reshape((points, m)), R_spare[: m * m].reshape((m, m))
+                for i in range(points):  # the noise is that of the first point, the mean
+                    status = observe[sensing.function[s]](t[k], chi[i], u, p, gamma[i], nothing, R if i == 0 else R_rest)
                     if status != 0:
                         return k, SENSOR, status
                 status = _unscented_update(x, P, U, gamma, z, R, options.c, options.w, white)
@@ -321,11 +347,11 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 continue
             h, H = h_all[:m], H_all[: m * n].reshape((m, n))
             if linear:
-                H[:] = H_k
+                copy(H_k, H)
                 _projected(H, x, h)
             if options.plain or options.adapt > 0:
                 if not linear:
-                    status = observe[s](t[k], x, u, p, h, H, R)
+                    status = observe[sensing.function[s]](t[k], x, u, p, h, H, R)
                     if status != 0:
                         return k, SENSOR, status
                 _subtracted(z, h)
@@ -337,29 +363,39 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 what = INNOVATION
             else:
                 what, status = _iterated(
-                    observe[s], retract, difference, options, linear, t[k], z, u, p, h, H, R, x, P, white
+                    observe[sensing.function[s]], retract, difference, options, linear, t[k], z, u, p, h, H, R_k, first,
+                    R, x, P, white,
                 )
             if status != 0:
                 return k, what, status if what == SENSOR else first + status
     return -1, 0, 0
 
 
+_jitable = register_jitable(loop)
+
+
+def _four(propagate, a, b, c, d, retract, difference, t, motion, sensing, options, course):
+    """Run `loop` with its tuple of functions made inside: numba warns of each that comes from outside."""
+    return _jitable(propagate, (a, b, c, d), retract, difference, t, motion, sensing, options, course)
+
+
 @functools.cache
-def compiled(sensors: int):
-    """The loop as machine code for so many functions of sensors."""
+def compiled():
+    """The loop as machine code."""
     stack, table, ints, flags = types.float64[:, :, ::1], types.float64[:, ::1], types.int64[::1], types.boolean[::1]
     real, whole, flag = types.float64, types.int64, types.boolean
     motion = types.NamedTuple([whole, table, vector, stack, stack, ints], Motion)
-    sensing = types.NamedTuple([ints, ints, flags, flags, table, stack, stack, table, ints, vector, ints], Sensing)
+    sensing = types.NamedTuple([ints, ints, ints, flags, flags, table, stack, stack, table, ints, vector, ints], Sensing)
     options = types.NamedTuple([real, real, flag, whole, real, whole, real, real, real, whole], Options)
     course = types.NamedTuple([table, stack, table, stack, table, vector, table], Course)
+    observe = [types.FunctionType(OBSERVE)] * FUNCTIONS
+    signature = types.UniTuple(whole, 3)(
+        types.FunctionType(PROPAGATE), *observe, types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), vector,
+        motion, sensing, options, course,
+    )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        signature = types.UniTuple(whole, 3)(
-            types.FunctionType(PROPAGATE), types.UniTuple(types.FunctionType(OBSERVE), sensors),
-            types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), vector, motion, sensing, options, course,
-        )  # fmt: skip
-        return njit([signature], cache=True, nogil=True)(loop)
+        return njit([signature], cache=True, nogil=True)(_four)
 
 
 @njit(PROPAGATE, cache=True)

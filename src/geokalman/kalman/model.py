@@ -5,7 +5,9 @@ positive number of their own that stops the run. An array of size zero is not wa
 this step or epoch, p the parameters.
 
     PROPAGATE(t0, t1, x, u, p, x_out, F, Q)   state at t1 from that at t0, its Jacobian and the noise of the step
-    OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R holds the sensor's, may be changed
+    OBSERVE(t, x, u, p, h, H, R)              predicted observation, its Jacobian; R comes in as the sensor's and may be
+                                              changed (of sigma points, that of the first, the mean, counts); where h is
+                                              NaN an extended filter takes the component as missing
     RETRACT(x, d, x_out)                      state x [+] d of an error d
     DIFFERENCE(x, y, d)                       error d that leads from x to y
 """
@@ -16,9 +18,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from numba import njit, types
 from numba.extending import is_jitted
+
+from geokalman.kalman.checks import array
 
 vector = types.float64[::1]
 matrix = types.float64[:, ::1]
@@ -42,6 +45,12 @@ def subtract(x, y, d):
         d[j] = y[j] - x[j]
 
 
+def is_kernel(function: Callable, signature) -> bool:
+    """Has a function the arguments of a compiled signature? So it is recognised where compilation is off, too."""
+    code = getattr(getattr(function, "py_func", function), "__code__", None)
+    return code is not None and code.co_argcount == len(signature.args)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Manifold:
     """A state space that is not flat: x [+] d retracts an error d (n,) into a state, y [-] x is the error from x to y.
@@ -61,15 +70,24 @@ class Manifold:
         return is_jitted(self.retract) and is_jitted(self.difference)
 
     def kernels(self) -> tuple[Callable, Callable]:
-        """Both functions with the compiled signatures, Python functions wrapped."""
-        if self.compiled:
+        """Both functions with the compiled signatures; Python functions wrapped, what they give first is checked."""
+        if is_kernel(self.retract, RETRACT) and is_kernel(self.difference, DIFFERENCE):
             return self.retract, self.difference
+        checked = set()
 
         def retract(x, d, x_out):
-            x_out[:] = self.retract(x, d)
+            value = self.retract(x, d)
+            if "retract" not in checked:
+                value = array("retract(x, d)", value, len(x_out))
+                checked.add("retract")
+            x_out[:] = value
 
         def difference(x, y, d):
-            d[:] = self.difference(x, y)
+            value = self.difference(x, y)
+            if "difference" not in checked:
+                value = array("difference(x, y)", value, self.n)
+                checked.add("difference")
+            d[:] = value
 
         return retract, difference
 

@@ -13,10 +13,10 @@ from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, cova
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory, gaussian
 from geokalman.kalman.linear import steps
 from geokalman.kalman.loop import (
-    DRAW, EXTENDED, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, SENSORS, UNSCENTED, Course, Motion, Options,
-    Sensing, compiled, loop, no_observation, no_propagation,
+    DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, Course, Motion,
+    Options, Sensing, compiled, loop, no_observation, no_propagation,
 )  # fmt: skip
-from geokalman.kalman.model import FLAT, Manifold, Model, Sensor
+from geokalman.kalman.model import FLAT, OBSERVE, PROPAGATE, Manifold, Model, Sensor, is_kernel
 from geokalman.kalman.unscented import spread
 
 Kind = Literal["extended", "unscented"]
@@ -60,16 +60,21 @@ def run(
     observe, sensing = _sensing(sensors, N, n, code)
     options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, space, code)
     nx, M = len(prior.mean), sensing.z.shape[1]
+    if adaptive is not None:
+        _judgeable(adaptive, sensing.kind, n)
+    if nx != n and LINEAR in sensing.kind:
+        raise ValueError(f"sensor {list(sensing.kind).index(LINEAR)} is linear: where a state of {nx} numbers has an error of {n}, give h")
     judged = 0 if adaptive is None else N
     course = Course(
         np.empty((N, nx)), np.empty((N, n, n)), np.empty((N, nx)), np.empty((N, n, n)), np.full((N, M), np.nan),
         np.ones(judged), np.full((judged, M), np.nan),
     )  # fmt: skip
     course.predicted_mean[0], course.predicted_cov[0] = prior
-    if space.compiled and all(map(is_jitted, (propagate, *observe))):
-        count = SENSORS * -(-len(observe) // SENSORS)
-        observe += (no_observation,) * (count - len(observe))
-        found = compiled(count)(propagate, observe, space.retract, space.difference, t, motion, sensing, options, course)
+    machine = space.compiled and len(observe) <= FUNCTIONS and all(map(is_jitted, (propagate, *observe)))
+    if machine:
+        observe += (no_observation,) * (FUNCTIONS - len(observe))
+        functions = (propagate, *observe, space.retract, space.difference)
+        found = compiled()(*functions, t, motion, sensing, options, course)
     else:
         found = loop(propagate, observe, *space.kernels(), t, motion, sensing, options, course)
     epoch, what, row = found
@@ -79,11 +84,33 @@ def run(
         alpha=course.alpha[:last] if judged else None, weights=course.weights[:last] if judged else None,
         manifold=model.manifold,
     )  # fmt: skip
+    if not machine:
+        _finite(trajectory, sensing.z, stopped=what != 0)
     if what:
         error = _failure(epoch, what, row, t)
         error.course = trajectory
         raise error
     return trajectory
+
+
+def _judgeable(hook: Adaptive, kinds: np.ndarray, n: int) -> None:
+    """Raise ValueError where an adaptive hook cannot judge."""
+    if UNSCENTED in kinds:
+        raise ValueError(f"an adaptive hook judges linearised observations: sensor {list(kinds).index(UNSCENTED)} is unscented")
+    if hook.states > n and HOOKS[hook.by] >= HOOKS["discrepancy"]:
+        raise ValueError(f"states = {hook.states} of the adaptive hook: the state has {n}")
+
+
+def _finite(course: Trajectory, z: np.ndarray, stopped: bool) -> None:
+    """Raise ValueError for the first epoch at which a Python function gave no number."""
+    seen = ~np.isnan(z[: len(course)])
+    for name, lost in (
+        ("f(x)", ~np.isfinite(course.predicted_mean).all(axis=1)),
+        ("h(x)", (np.isnan(course.whitened) & seen).any(axis=1) | ~np.isfinite(course.mean).all(axis=1)),
+    ):
+        if lost.any() and not (stopped and name == "h(x)"):  # the epoch of the stop is not complete
+            k = int(np.argmax(lost))
+            raise ValueError(f"{name} is not finite at epoch {k} (t = {course.t[k]:g} s)")
 
 
 def _on_manifold(prior: Gaussian, space: Manifold) -> Gaussian:
@@ -114,6 +141,8 @@ def _motion(model: Model, t: np.ndarray, n: int, kind: int):
     params = array("params of the model", model.params, None)
     inputs = model.inputs
     inputs = np.empty((steps_count, 0)) if inputs is None else array("inputs of the model", inputs, steps_count, None)
+    if model.f is None and model.F is None:
+        raise ValueError("the model has neither f nor F: give a function or matrices")
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
@@ -122,7 +151,7 @@ def _motion(model: Model, t: np.ndarray, n: int, kind: int):
     if model.Q is not None and not callable(model.Q):
         Q[:] = covariances("Q", model.Q, steps_count, n)
     motion = Motion(kind, inputs, params, Phi, Q, np.arange(steps_count))
-    return model.f if is_jitted(model.f) else _propagation(model, n, kind), motion
+    return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, n, kind), motion
 
 
 def _propagation(model: Model, n: int, kind: int):
@@ -183,10 +212,13 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     width = [values.shape[1] for values in z]
     numbered = list(zip(range(len(z)), sensors, width, strict=True))
     R = [covariances(f"R of sensor {i}", s.R, N, m) for i, s, m in numbered]
+    for i, s in enumerate(sensors):
+        if s.h is None and s.H is None:
+            raise ValueError(f"sensor {i} has neither h nor H: give a function or a matrix")
     linear = [s.h is None for s in sensors]
     H = [matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)) for i, s, m in numbered]
     functions = tuple(
-        no_observation if s.h is None else s.h if is_jitted(s.h) else _observation(s, i, m, n, kind)
+        no_observation if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
         for i, s, m in numbered
     )
     inputs = [
@@ -194,9 +226,11 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
         for i, s, _ in numbered
     ]
     params = [array(f"params of sensor {i}", s.params, None) for i, s, _ in numbered]
-    return functions, Sensing(
+    different = tuple(dict.fromkeys(functions))
+    return different, Sensing(
         first=_offsets(width),
         kind=np.where(linear, LINEAR, kind),
+        function=np.array([different.index(function) for function in functions]),
         scalar=np.array([s.sequential and _diagonal(noise) for s, noise in zip(sensors, R, strict=True)]),
         sequential=np.array([s.sequential for s in sensors]),
         z=np.hstack(z),

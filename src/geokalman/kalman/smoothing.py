@@ -7,11 +7,9 @@ retraction puts it into the state (Lefferts, Markley & Shuster 1982, J. Guidance
 from __future__ import annotations
 
 import functools
-import warnings
 
 import numpy as np
 from numba import njit, types
-from numba.core.errors import NumbaExperimentalFeatureWarning
 
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper
@@ -176,8 +174,7 @@ def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov
     P_out : (N, n, n). Returns (epoch, status) of the first predicted covariance without a root, or (-1, 0).
     """
     last, n = mean.shape[0] - 1, cov.shape[1]
-    x_out[last] = mean[last]
-    P_out[last] = cov[last]
+    copy_state(mean[last], cov[last], x_out[last], P_out[last])
     zero, d_next, d = np.zeros(n), np.empty(n), np.empty(n)
     for k in range(last - 1, -1, -1):
         s = step[k]
@@ -193,13 +190,11 @@ def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov
 def compiled_error_rts_loop():
     """The loop as machine code."""
     table, stack = types.float64[:, ::1], types.float64[:, :, ::1]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        signature = types.UniTuple(types.int64, 2)(
-            types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), table, stack, table, stack, stack, stack,
-            types.int64[::1], table, stack,
-        )  # fmt: skip
-        return njit([signature], cache=True, nogil=True)(error_rts_loop)
+    signature = types.UniTuple(types.int64, 2)(
+        types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), table, stack, table, stack, stack, stack,
+        types.int64[::1], table, stack,
+    )  # fmt: skip
+    return njit([signature], cache=True, nogil=True)(error_rts_loop)
 
 
 def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
