@@ -67,9 +67,9 @@ def test_e3_one_step_over_the_gap_is_another_matrix(st, state):
     that.
     """
     gap, matrices = (st[0].passes[0][1], st[0].passes[1][0]), []
-    for mode in (0, 1, 2):
-        x, Phi = state.copy(), np.eye(6)
-        estimate._transition(mode, *gap, estimate.STEP, x, st[1].params, Phi)
+    for how in ((0.0, estimate.STEP), (1.0, estimate.SUBSTEP), (1.0, 1e9)):
+        Phi, params = np.empty((6, 6)), np.append(st[1].params, [*how, 0.0])
+        estimate._propagate(*gap, state, np.empty(0), params, np.empty(6), Phi, np.empty((0, 0)))
         matrices.append(Phi)
     errors = [np.abs((P - matrices[0])[:3, :3]).max() for P in matrices[1:]]
     assert errors[1] > 0.005 and errors[0] < 0.01 * errors[1]

@@ -10,6 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 from geokalman.kalman.gaussian import NotPositiveDefinite
+from geokalman.kalman.model import Model, Sensor
+from geokalman.kalman.run import run
 from geokalman.physics.satellite import ForceModel, dynamics
 from geokalman.radioastron import assess, estimate, formal, simulate, study
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Weights
@@ -76,17 +78,25 @@ def test_compiled_filter_is_the_plain_loop(st, drawn):
         drawn[1], **{name: getattr(drawn[1], name)[keep] for name in ("t", "station", "arc", "range", "rate")}
     )
     compiled = estimate.extended(data, st[1])
-    x, P, columns = estimate._start(data, INFLATED)
-    t, station, z, itrs = estimate._arrays(data, st[1])
-    mean, cov, white = np.empty((len(t), 6)), np.empty((len(t), 6, 6)), np.full((len(t), 2), np.nan)
-    assert (
-        estimate._extended.py_func(
-            t, station, columns, z, 2500.0, 9e-6, x, P, itrs, st[1].params, 0, 1, 0.0, estimate.STEP, mean, cov, white
-        )
-        == -1
-    )
-    np.testing.assert_allclose(mean, compiled.mean, rtol=1e-13)
-    np.testing.assert_allclose(white, compiled.innovations, rtol=1e-6, atol=1e-9)
+    prior, z, inputs = estimate._start(data, st[1], INFLATED)
+    assert (inputs == inputs[0]).all()
+    params, nothing = np.concatenate([st[1].params, [0.0, estimate.STEP, 0.0]]), np.empty((0, 0))
+
+    def moved(x, t0, t1):
+        out, Phi = np.empty(6), np.empty((6, 6))
+        assert estimate._propagate.py_func(t0, t1, x, nothing, params, out, Phi, nothing) == 0
+        return out, Phi
+
+    def seen(x, t):
+        h, H = np.empty(2), np.empty((2, 6))
+        assert estimate._observe.py_func(t, x, inputs[0], st[1].params, h, H, nothing) == 0
+        return h, H
+
+    model = Model(f=lambda *step: moved(*step)[0], F=lambda *step: moved(*step)[1], Q=np.zeros((6, 6)))
+    sensor = Sensor(z, np.diag([2500.0, 9e-6]), h=lambda *at: seen(*at)[0], H=lambda *at: seen(*at)[1])
+    plain = run(prior, data.t, model, [sensor])
+    np.testing.assert_allclose(plain.mean, compiled.mean, rtol=1e-13)
+    np.testing.assert_allclose(plain.whitened, compiled.innovations, rtol=1e-6, atol=1e-9)
 
 
 def test_missing_data_are_left_out(st, drawn):
@@ -156,6 +166,9 @@ def test_errors(st, drawn):
     object.__setattr__(broken, "prior_cov", -drawn[1].prior_cov)
     with pytest.raises(NotPositiveDefinite):
         estimate.extended(broken, st[1])
+    object.__setattr__(broken, "prior_cov", np.diag([4e6, 4e6, 0.0, 1e-3, 1e-3, 1e-3]))
+    with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
+        estimate.unscented(broken, st[1])
     with pytest.raises(ArithmeticError, match="after 1 iterations"):
         estimate.batch(drawn[1], st[1], longest=1)
 

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from geokalman.constants import C_LIGHT
 from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron.data import Levels, Weights
-from geokalman.radioastron.estimate import STEP, linearise_step
+from geokalman.radioastron.estimate import linearise_step, links
 from geokalman.radioastron.model import STATIONS, Array, Session, find_stations, nominal_state, toward
 from geokalman.radioastron.model import world as world_of
 from geokalman.radioastron.simulate import schedule
@@ -67,11 +67,7 @@ def linearise(session: Session, world: Dynamics, stations: tuple[str, ...]) -> G
     start = nominal_state(session, world)
     t, station, arc = schedule(session, stations)
     check_passes(world, t, station, start, stations)
-    residual, H = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
-    none, itrs = np.full(len(t), -1, dtype=np.int64), np.array([STATIONS[name] for name in stations])
-    linearise_step(
-        t, station.astype(np.int64), none, np.zeros((len(t), 2)), start, itrs, world.params, STEP, residual, H
-    )
+    H = linearise_step(t, start, links(stations, station), world.params)[1]
     middle, Phi = world.transition(start, session.first, session.middle)
     return Geometry(session, world, stations, t, station, arc, H, start, Phi, middle)
 
