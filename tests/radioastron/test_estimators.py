@@ -301,10 +301,10 @@ def test_columns_of_the_scans(st):
 @compiled
 def test_prior_scale(st):
     """A filter told the right P(0) is the filter; one told a hundred kilometres is worse in rate."""
-    right = experiment.prior_scale(st[0], Levels(), INFLATED, 1.0, 1000, 6)
-    runs = experiment.standard(st[0], Levels(), 1000, 6)
-    np.testing.assert_allclose(right[0], runs["ekf"].delay, rtol=1e-9)
-    assert assess.rms(experiment.prior_scale(st[0], Levels(), INFLATED, 50.0, 1000, 6)[1]) > 3.0 * assess.rms(right[1])
+    ekf = {"ekf": experiment.STANDARD["ekf"]}
+    right, wrong = (experiment.standard(st[0], Levels(), 1000, 6, (), "", ekf, scale)["ekf"] for scale in (1.0, 50.0))
+    np.testing.assert_allclose(right.delay, experiment.standard(st[0], Levels(), 1000, 6)["ekf"].delay, rtol=1e-12)
+    assert assess.rms(wrong.rate) > 3.0 * assess.rms(right.rate)
 
 
 def test_forces_that_the_filter_lacks_move_the_orbit_by_metres(st, state):

@@ -247,8 +247,9 @@ def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -
     cells = np.fft.fftshift(cells, axes=1)  # by frequency before padding, or the peak moves by 0.3 us and loses 20 %
     shape = (setup.padding * periods, setup.padding * n)
     transformed = np.abs(np.fft.fft(np.fft.ifft(cells, shape[1], axis=1) * shape[1], shape[0], axis=0)) / cells.size
-    i, j = np.unravel_index(int(np.argmax(transformed)), shape)
-    rates = np.fft.fftfreq(shape[0], segments * n / setup.bandwidth)
-    delays = np.fft.fftfreq(shape[1], setup.bandwidth / n)
-    amplitude = float(transformed[i, j])
-    return RawPeak(float(rates[i]), float(delays[j]), amplitude, amplitude * math.sqrt(periods * segments * n))
+    rates, delays = (
+        np.fft.fftfreq(shape[0], segments * n / setup.bandwidth),
+        np.fft.fftfreq(shape[1], setup.bandwidth / n),
+    )
+    peak = search(Plane(rates, delays, transformed))
+    return RawPeak(*peak, peak.snr * math.sqrt(periods * segments * n))

@@ -89,14 +89,18 @@ def standard(
     stations: tuple[str, ...] = (),
     source: str = "",
     estimators: Mapping[str, Estimator] | None = None,
+    prior_scale: float = 1.0,
 ) -> dict[str, Runs]:
-    """Errors of the `STANDARD` or other estimators at mid-observation, at the scans and at the end of tracking."""
+    """Errors of the `STANDARD` or other estimators at mid-observation, at the scans and at the end of tracking.
+
+    prior_scale : sigmas of P(0) that the estimators are told, in units of those that the error is drawn from.
+    """
     estimators, forces, direction = estimators or STANDARD, world(session), toward(session, source)
     times = np.unique(np.append(session.scan_middles(), session.middle))
     middle, scans = np.searchsorted(times, session.middle), np.searchsorted(times, session.scan_middles())
     found: dict[str, list[tuple]] = {name: [] for name in estimators}
     for truth, data in _draws(session, levels, stations, seed0, n_seeds):
-        end = data.t[-1:]
+        data, end = replace(data, prior_cov=prior_scale**2 * data.prior_cov), data.t[-1:]
         for name, how in estimators.items():
             orbit = run_estimator(how, data, forces)
             residual, error, consistency = assess.errors(orbit, truth, forces, times, direction)
@@ -154,25 +158,3 @@ def correction_history(
         differences.append(after - before)
         radii.append(np.linalg.norm(after, axis=1) - np.linalg.norm(before, axis=1))
     return np.array(differences), np.array(radii)
-
-
-def prior_scale(
-    session: Session,
-    levels: Levels,
-    weights: Weights,
-    scale: float,
-    seed0: int,
-    n_seeds: int,
-    stations: tuple[str, ...] = (),
-    source: str = "",
-) -> tuple[Array, Array]:
-    """Delay [s] and rate [s/s] errors (runs,) of a filter told P(0) with sigmas `scale` times the true ones."""
-    forces, direction, middle = world(session), toward(session, source), np.array([session.middle])
-    found = []
-    for truth, data in _draws(session, levels, stations, seed0, n_seeds):
-        data = replace(data, prior_cov=scale**2 * data.prior_cov)
-        orbit = estimate.extended(data, forces, weights).orbit
-        residual = assess.errors(orbit, truth, forces, middle, direction).residual
-        found.append((residual.delay[0], residual.rate[0]))
-    delay, rate = np.array(found).T
-    return delay, rate
