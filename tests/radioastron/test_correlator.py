@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman import memory
-from geokalman.radioastron import study
+from geokalman.radioastron import assess, experiment
 from geokalman.radioastron.correlator import (
     Raw,
     Setup,
@@ -111,8 +111,8 @@ def test_condition_2():
 def test_a_lost_peak_is_the_peak_of_the_noise():
     """A residual outside the window does not stop a Monte Carlo; it is a scan without fringe."""
     none = np.empty(0)
-    runs = study.Runs(np.array([1e-3, 0.0]), np.zeros(2), np.zeros(2), none, none, none, none, none)
-    lost, found = study.signal_to_noise(SMALL, runs, 1)
+    runs = assess.Runs(np.array([1e-3, 0.0]), np.zeros(2), np.zeros(2), none, none, none, none, none)
+    lost, found = experiment.signal_to_noise(SMALL, runs, 1)
     assert lost < 6.0 and found > 50.0
     assert scan_snr(SMALL, 1e-3, 0.0, 0.0) == 0.0
     assert scan_snr(SMALL, 0.0, 0.0, 0.0) == pytest.approx(60.0, rel=0.02)

@@ -11,7 +11,7 @@ from geokalman.constants import C_LIGHT, GM_EARTH
 from geokalman.files import project_root
 from geokalman.kalman.linear import predict, update
 from geokalman.physics.satellite import ForceModel
-from geokalman.radioastron import assess, estimate, oneway, study, twoway
+from geokalman.radioastron import assess, estimate, experiment, oneway, twoway
 from geokalman.radioastron.correlator import Setup, scan_snr, within_window
 from geokalman.radioastron.data import INFLATED, Levels
 from geokalman.radioastron.model import BANDS, SOURCES, STATIONS, direction, find_session, nominal_state, world
@@ -24,7 +24,7 @@ CORRECTION = np.array([2.75e3, -2.25e3, -1.3e3])  # middles of the ranges of Fig
 @pytest.fixture(scope="module")
 def before_and_after():
     """Large samples of sessions ST and BC: (before, after)."""
-    return {name: study.large_sample(find_session(name), Levels(), INFLATED) for name in ("ST", "BC")}
+    return {name: experiment.large_sample(find_session(name), Levels(), INFLATED) for name in ("ST", "BC")}
 
 
 def untested(page: str, names: list[str]) -> list[str]:
@@ -67,9 +67,9 @@ def test_e3_one_step_over_the_gap_is_another_matrix(st, state):
     that.
     """
     gap, matrices = (st[0].passes[0][1], st[0].passes[1][0]), []
-    for mode in (0, 1, 2):
-        x, Phi = state.copy(), np.eye(6)
-        estimate._transition(mode, *gap, estimate.STEP, x, st[1].params, Phi)
+    for how in ((0.0, estimate.STEP), (1.0, estimate.SUBSTEP), (1.0, 1e9)):
+        Phi, params = np.empty((6, 6)), np.append(st[1].params, [*how, 0.0])
+        estimate._propagate(*gap, state, np.empty(0), params, np.empty(6), Phi, np.empty((0, 0)))
         matrices.append(Phi)
     errors = [np.abs((P - matrices[0])[:3, :3]).max() for P in matrices[1:]]
     assert errors[1] > 0.005 and errors[0] < 0.01 * errors[1]

@@ -10,8 +10,10 @@ import pytest
 from scipy.stats import chi2
 
 from geokalman.kalman.gaussian import NotPositiveDefinite
+from geokalman.kalman.model import Model, Sensor
+from geokalman.kalman.run import run
 from geokalman.physics.satellite import ForceModel, dynamics
-from geokalman.radioastron import assess, estimate, formal, simulate, study
+from geokalman.radioastron import assess, estimate, experiment, formal, simulate
 from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Weights
 from geokalman.radioastron.model import find_session, find_source, world
 
@@ -76,17 +78,25 @@ def test_compiled_filter_is_the_plain_loop(st, drawn):
         drawn[1], **{name: getattr(drawn[1], name)[keep] for name in ("t", "station", "arc", "range", "rate")}
     )
     compiled = estimate.extended(data, st[1])
-    x, P, columns = estimate._start(data, INFLATED)
-    t, station, z, itrs = estimate._arrays(data, st[1])
-    mean, cov, white = np.empty((len(t), 6)), np.empty((len(t), 6, 6)), np.full((len(t), 2), np.nan)
-    assert (
-        estimate._extended.py_func(
-            t, station, columns, z, 2500.0, 9e-6, x, P, itrs, st[1].params, 0, 1, 0.0, estimate.STEP, mean, cov, white
-        )
-        == -1
-    )
-    np.testing.assert_allclose(mean, compiled.mean, rtol=1e-13)
-    np.testing.assert_allclose(white, compiled.innovations, rtol=1e-6, atol=1e-9)
+    prior, z, inputs = estimate._start(data, st[1], INFLATED)
+    assert (inputs == inputs[0]).all()
+    params, nothing = np.concatenate([st[1].params, [0.0, estimate.STEP, 0.0]]), np.empty((0, 0))
+
+    def moved(x, t0, t1):
+        out, Phi = np.empty(6), np.empty((6, 6))
+        assert estimate._propagate.py_func(t0, t1, x, nothing, params, out, Phi, nothing) == 0
+        return out, Phi
+
+    def seen(x, t):
+        h, H = np.empty(2), np.empty((2, 6))
+        assert estimate._observe.py_func(t, x, inputs[0], st[1].params, h, H, nothing) == 0
+        return h, H
+
+    model = Model(f=lambda *step: moved(*step)[0], F=lambda *step: moved(*step)[1], Q=np.zeros((6, 6)))
+    sensor = Sensor(z, np.diag([2500.0, 9e-6]), h=lambda *at: seen(*at)[0], H=lambda *at: seen(*at)[1])
+    plain = run(prior, data.t, model, [sensor])
+    np.testing.assert_allclose(plain.mean, compiled.mean, rtol=1e-13)
+    np.testing.assert_allclose(plain.whitened, compiled.innovations, rtol=1e-6, atol=1e-9)
 
 
 def test_missing_data_are_left_out(st, drawn):
@@ -149,13 +159,16 @@ def test_errors(st, drawn):
     with pytest.raises(ValueError, match="transition 'euler' is unknown"):
         estimate.extended(drawn[1], st[1], transition="euler")
     with pytest.raises(ValueError, match="method 'magic' is unknown"):
-        study.run_estimator(study.Estimator("magic"), drawn[1], st[1])
+        experiment.run_estimator(experiment.Estimator("magic"), drawn[1], st[1])
     with pytest.raises(ValueError, match="outside the tables"):
         estimate.extended(drawn[1], dynamics(st[0].day, 0.0, 1000.0), INFLATED)
     broken = dataclasses.replace(drawn[1])
     object.__setattr__(broken, "prior_cov", -drawn[1].prior_cov)
     with pytest.raises(NotPositiveDefinite):
         estimate.extended(broken, st[1])
+    object.__setattr__(broken, "prior_cov", np.diag([4e6, 4e6, 0.0, 1e-3, 1e-3, 1e-3]))
+    with pytest.raises(NotPositiveDefinite, match="at epoch 0"):
+        estimate.unscented(broken, st[1])
     with pytest.raises(ArithmeticError, match="after 1 iterations"):
         estimate.batch(drawn[1], st[1], longest=1)
 
@@ -191,9 +204,9 @@ def test_monte_carlo_is_centred_on_the_large_sample(name, n_seeds):
     standard errors of the smaller sample.
     """
     session = find_session(name)
-    runs = study.standard(session, Levels(), 1000, n_seeds)
+    runs = experiment.standard(session, Levels(), 1000, n_seeds)
     for how, weights in (("ekf", INFLATED), ("naive", NAIVE)):
-        prior, post = study.large_sample(session, Levels(), weights)
+        prior, post = experiment.large_sample(session, Levels(), weights)
         for ours, many in ((runs["prior"], prior), (runs[how], post)):
             for kind in ("delay", "rate"):
                 values = getattr(ours, kind)
@@ -220,7 +233,7 @@ def test_monte_carlo_is_centred_on_the_large_sample(name, n_seeds):
 def test_large_sample_values(name, weights, bias, stations, delay, rate, shares):
     """Section 4.3: 4000 draws of ours against 4000 of another implementation. Standard error of an rms 1.1 %, of the
     difference 1.6 %: 5 % is three of them; of a share 0.8 %, of the difference 1.1 %."""
-    prior, post = study.large_sample(find_session(name), Levels(bias=bias), weights, stations)
+    prior, post = experiment.large_sample(find_session(name), Levels(bias=bias), weights, stations)
     for ours, theirs in (
         (prior.delay, delay[0] * 1e-6),
         (post.delay, delay[1] * 1e-6),
@@ -239,8 +252,8 @@ def test_single_step_and_bias_per_pass():
     rate.
     """
     names = ("prior", "ekf", "naive", "single", "ukf", "batch-bias", "substeps")
-    runs = study.standard(
-        find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: study.ALL[n] for n in names}
+    runs = experiment.standard(
+        find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: experiment.ALL[n] for n in names}
     )
     rms = {n: assess.rms(r.delay) for n, r in runs.items()}
     assert rms["naive"] > 1.2 * rms["prior"] and rms["ekf"] < 0.45 * rms["prior"]
@@ -255,7 +268,7 @@ def test_single_step_and_bias_per_pass():
 def test_correction_history_is_the_identity_of_figure_5():
     session = find_session("BC")
     times = np.array([16.5, 17.0]) * 3600.0
-    difference, radius = study.correction_history(session, Levels(), study.Estimator("ekf"), 1000, 2, times)
+    difference, radius = experiment.correction_history(session, Levels(), experiment.Estimator("ekf"), 1000, 2, times)
     source = find_source("", session)
     ra, dec = np.arctan2(source[1], source[0]), np.arcsin(source[2])
     assert np.abs(assess.delay_of(difference, ra, dec) - difference @ source / 299792458.0).max() < 1e-12
@@ -267,7 +280,7 @@ def test_correction_history_is_the_identity_of_figure_5():
 
 def test_corrections_are_asked_for_after_tracking():
     with pytest.raises(ValueError, match="before the end of tracking"):
-        study.correction_history(find_session("BC"), Levels(), study.Estimator("ekf"), 1, 1, np.array([36000.0]))
+        experiment.correction_history(find_session("BC"), Levels(), experiment.Estimator("ekf"), 1, 1, np.array([36000.0]))
 
 
 def test_rarity_is_that_of_chi_square():
@@ -278,8 +291,8 @@ def test_rarity_is_that_of_chi_square():
 
 
 def test_columns_of_the_scans(st):
-    few = {n: r for n, r in study.standard(st[0], Levels(), 1000, 4).items() if n != "naive"}
-    columns = study.scan_columns(few)
+    few = {n: r for n, r in experiment.standard(st[0], Levels(), 1000, 4).items() if n != "naive"}
+    columns = assess.scan_columns(few)
     np.testing.assert_array_equal(columns["scan"], [1.0, 2.0, 3.0, 4.0])
     np.testing.assert_allclose(columns["ekf_rate_median"], np.median(np.abs(few["ekf"].scan_rate), axis=0))
     assert (columns["prior_delay_s_16_percent"] <= columns["prior_delay_s_84_percent"]).all() and len(columns) == 13
@@ -288,10 +301,10 @@ def test_columns_of_the_scans(st):
 @compiled
 def test_prior_scale(st):
     """A filter told the right P(0) is the filter; one told a hundred kilometres is worse in rate."""
-    right = study.prior_scale(st[0], Levels(), INFLATED, 1.0, 1000, 6)
-    runs = study.standard(st[0], Levels(), 1000, 6)
-    np.testing.assert_allclose(right[0], runs["ekf"].delay, rtol=1e-9)
-    assert assess.rms(study.prior_scale(st[0], Levels(), INFLATED, 50.0, 1000, 6)[1]) > 3.0 * assess.rms(right[1])
+    ekf = {"ekf": experiment.STANDARD["ekf"]}
+    right, wrong = (experiment.standard(st[0], Levels(), 1000, 6, (), "", ekf, scale)["ekf"] for scale in (1.0, 50.0))
+    np.testing.assert_allclose(right.delay, experiment.standard(st[0], Levels(), 1000, 6)["ekf"].delay, rtol=1e-12)
+    assert assess.rms(wrong.rate) > 3.0 * assess.rms(right.rate)
 
 
 def test_forces_that_the_filter_lacks_move_the_orbit_by_metres(st, state):

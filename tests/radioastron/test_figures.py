@@ -11,7 +11,7 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from geokalman import style
-from geokalman.radioastron import figures, orbit_figures, plane_figures
+from geokalman.radioastron import figures
 from geokalman.radioastron.correlator import Plane
 from geokalman.style import METHODS
 
@@ -44,7 +44,7 @@ def line(axes, label: str):
 def test_orbit_view(theme):
     u = np.linspace(0, 2 * np.pi, 200)
     orbit = 1e8 * np.column_stack([np.cos(u) - 0.5, 0.8 * np.sin(u), 0.1 * np.sin(u)])
-    figure = orbit_figures.orbit_view(
+    figure = figures.orbit_view(
         orbit, {"tracking": orbit[5:9], "observation": orbit[12:15]}, np.array([0.0, 0.6, 0.8])
     )
     dressed(figure, theme, "[1000 km]")
@@ -54,7 +54,7 @@ def test_orbit_view(theme):
 
 
 def test_ground_track_is_cut_at_the_date_line(theme):
-    figure = orbit_figures.ground_track(
+    figure = figures.ground_track(
         np.array([170.0, 178.0, -174.0]), np.array([10.0, 12.0, 14.0]), {"here": (30.0, 50.0), "there": (40.0, 60.0)}
     )
     dressed(figure, theme, "longitude [deg]", "latitude [deg]")
@@ -64,7 +64,7 @@ def test_ground_track_is_cut_at_the_date_line(theme):
 
 def test_elevation(theme):
     t = np.array([36000.0, 39600.0])
-    figure = orbit_figures.elevation(
+    figure = figures.elevation(
         t,
         {"Bear Lakes": np.array([20.0, 30.0]), "Evpatoria": np.array([15.0, 16.0])},
         [(36100.0, 36200.0)],
@@ -184,7 +184,7 @@ def test_planes(theme):
         snr = np.ones((201, 301))
         snr[k, 250] = top
         both.append(Plane(rates, delays, snr))
-    figure = plane_figures.planes(both, ("(a) one", "(b) two"), (0.2, 2e-6))
+    figure = figures.planes(both, ("(a) one", "(b) two"), (0.2, 2e-6))
     dressed(figure, theme, "fringe rate [Hz]", "delay [µs]", "[SNR]")
     above = figure.axes[0]
     assert line(above, "(a) one").get_ydata().max() == 20.0 and line(above, "(b) two").get_ydata().max() == 40.0
@@ -195,24 +195,24 @@ def test_planes(theme):
 
 def test_scan_snr_leaves_flagged_scans_out(theme):
     snr = {"prior": np.tile([30.0, 31.0, 32.0], (4, 1)), "ekf": np.tile([50.0, 51.0, 52.0], (4, 1))}
-    figure = plane_figures.scan_snr(snr, {"prior": (25, 30)}, (1,))
+    figure = figures.scan_snr(snr, {"prior": (25, 30)}, (1,))
     dressed(figure, theme, "scan", "SNR")
     y = line(figure.axes[0], "EKF").get_ydata()
     assert np.isnan(y[1]) and y[0] == 50.0 and y[2] == 52.0
     band = figure.axes[0].collections[0].get_paths()[0].vertices  # of four runs, hence the range
     assert band[:, 1].min() == 30.0
-    one = plane_figures.scan_snr({"ekf": np.array([1.0, 2.0])}, {}, (), {"ekf": "filter"})
+    one = figures.scan_snr({"ekf": np.array([1.0, 2.0])}, {}, (), {"ekf": "filter"})
     np.testing.assert_array_equal(line(one.axes[0], "filter").get_ydata(), [1.0, 2.0])
 
 
 def test_losses(theme):
-    figure = plane_figures.losses(np.array([0.0, 1e-10]), {"L 16 MHz": np.array([1.0, 0.8])}, (2e-11, 1.8e-10))
+    figure = figures.losses(np.array([0.0, 1e-10]), {"L 16 MHz": np.array([1.0, 0.8])}, (2e-11, 1.8e-10))
     dressed(figure, theme, "[1e-10 s/s]")
     np.testing.assert_allclose(line(figure.axes[0], "L 16 MHz").get_xdata(), [0.0, 1.0])
 
 
 def test_ratio_histogram(theme):
-    figure = plane_figures.ratio_histogram(np.array([2.0, 1.0]), 2.0, "SNR ratio")
+    figure = figures.ratio_histogram(np.array([2.0, 1.0]), 2.0, "SNR ratio")
     dressed(figure, theme, "SNR ratio", "share of runs below")
     np.testing.assert_array_equal(line(figure.axes[0], "simulated runs").get_data(), [[1.0, 2.0], [0.25, 0.75]])
 

@@ -1,5 +1,4 @@
-"""The correlator, in the visibility domain: cells over accumulation periods and channels, the fringe-rate and delay
-plane, its peak.
+"""The correlator in the visibility domain: cells over periods and channels, the fringe-rate and delay plane, its peak.
 
     cell(i, j) = A a_i exp(2 pi i (f_RF + f_j) dtau(t_i)) + complex noise,   f_j = (j + 1/2) B/n,   A = SNR0/sqrt(cells)
     a_i = max(0, 1 - |dtau| B/n) sinc((f_RF + B/2) dtau'(t_i) T_AP)
@@ -30,7 +29,8 @@ class Setup:
 
     band "L" or "C", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT in
     both directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an
-    unknown band, sizes that are not positive, T_AP > T; TooLarge for more cells than memory holds; warns where n_channels is no power of two (allowed, slower).
+    unknown band, sizes that are not positive, T_AP > T; TooLarge for more cells than memory holds; warns where
+    n_channels is no power of two (allowed, slower).
     """
 
     band: str = "L"
@@ -110,16 +110,14 @@ def visibilities(
     rng : None for no noise; else the real part of all cells is drawn first, then the imaginary part, each over sqrt(2).
     Raises ValueError where the delay leaves the lag window.
     """
-    if np.abs(delay).max() > setup.window:
+    largest, segment = np.abs(delay).max(), setup.n_channels / setup.bandwidth
+    if largest > setup.window:
         raise ValueError(
-            f"residual delay {np.abs(delay).max() * 1e6:.2f} us is outside the lag window of "
-            f"+-{setup.window * 1e6:.2f} us "
+            f"residual delay {largest * 1e6:.2f} us is outside the lag window of +-{setup.window * 1e6:.2f} us "
             f"({setup.n_channels} channels in {setup.bandwidth / 1e6:g} MHz); take more channels"
         )
-    segment = setup.n_channels / setup.bandwidth
-    loss = np.maximum(0.0, 1.0 - np.abs(delay) / segment) * np.sinc(
-        (setup.frequency + 0.5 * setup.bandwidth) * rate * setup.period
-    )
+    turns = (setup.frequency + 0.5 * setup.bandwidth) * rate * setup.period
+    loss = np.maximum(0.0, 1.0 - np.abs(delay) / segment) * np.sinc(turns)
     amplitude = snr0 / math.sqrt(setup.cells)
     channels = (np.arange(setup.n_channels) + 0.5) * setup.bandwidth / setup.n_channels
     # in two steps, for f_RF dtau is 1e4 turns
@@ -136,7 +134,8 @@ def plane(setup: Setup, cells: Array) -> Plane:
     """Fringe-rate and delay plane of a scan's cells, padded with zeros and ordered about zero."""
     shape = [setup.padding * n for n in cells.shape]
     # phase grows with +f tau and +t rate: the forward transform puts a delay tau at +tau
-    memory.require("The plane of such a scan", 40.0 * setup.padding**2 * setup.cells, "take less padding or fewer channels")
+    size = 40.0 * setup.padding**2 * setup.cells
+    memory.require("The plane of such a scan", size, "take less padding or fewer channels")
     spectrum = np.abs(np.fft.fftshift(np.fft.fft2(cells, shape))) / math.sqrt(cells.size)
     rates = np.fft.fftshift(np.fft.fftfreq(shape[0], setup.period))
     delays = np.fft.fftshift(np.fft.fftfreq(shape[1], setup.bandwidth / setup.n_channels))
@@ -165,14 +164,12 @@ def find(setup: Setup, cells: Array) -> Peak:
 
 
 def polynomial(setup: Setup, delay: float, rate: float, acceleration: float) -> tuple[Array, Array]:
-    """Residual delay (periods,) [s] and rate [s/s]: delay + rate t + acceleration (t - T/2)^2/2, t from the start of
-    the scan.
+    """Residual delay (periods,) [s] and its rate [s/s]: delay + rate t + acceleration (t - T/2)^2/2.
 
-    That is equation (1) of the paper with the rate counted from the start, the acceleration from the middle.
+    That is equation (1) of the paper with t and the rate counted from the start, the acceleration from the middle.
     """
-    t = setup.times
-    late = t - 0.5 * setup.duration
-    return delay + rate * t + 0.5 * acceleration * late**2, rate + acceleration * late
+    late = setup.times - 0.5 * setup.duration
+    return delay + rate * setup.times + 0.5 * acceleration * late**2, rate + acceleration * late
 
 
 def coherence(setup: Setup, rate: float, acceleration: float) -> float:
@@ -204,9 +201,7 @@ def within_window(setup: Setup, rate: float, acceleration: float, steps: int = 1
 
 @dataclass(frozen=True)
 class Raw:
-    """A check with raw samples: a common signal of share rho in the noise of two stations, sampled at `bandwidth`
-    [Hz] (complex).
-    """
+    """A check with raw samples: a common signal of share rho in two stations' noise, complex, at `bandwidth` [Hz]."""
 
     bandwidth: float = 2e6
     duration: float = 4.0
@@ -217,9 +212,7 @@ class Raw:
 
 
 class RawPeak(NamedTuple):
-    """Peak of raw samples: fringe rate [Hz], delay [s], amplitude (correlation coefficient), SNR = amplitude
-    sqrt(samples).
-    """
+    """Peak of raw samples: fringe rate [Hz], delay [s], correlation coefficient, SNR = amplitude sqrt(samples)."""
 
     rate: float
     delay: float
@@ -228,8 +221,7 @@ class RawPeak(NamedTuple):
 
 
 def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -> RawPeak:
-    """Correlate raw samples as an FX correlator does: delay by a phase ramp, segments, FFT, cross-multiply,
-    accumulate, search.
+    """Correlate raw samples as an FX correlator does: delay by a phase ramp, FFT of segments, cross-multiply, search.
 
     delay [s], rate: fringe rate [Hz] injected. Expected amplitude: rho (1 - delay/segment). Raises ValueError for a
     delay longer than a segment. Source: radioastron-orbit section 4.4.
@@ -238,17 +230,11 @@ def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -
     if abs(delay) >= n / setup.bandwidth:
         raise ValueError(f"delay {delay * 1e6:.2f} us is longer than a segment of {n / setup.bandwidth * 1e6:.2f} us")
 
-    def noise() -> Array:
-        return (rng.standard_normal(total) + 1j * rng.standard_normal(total)) / math.sqrt(2.0)
+    def noise(share: float) -> Array:
+        return math.sqrt(share) * ((rng.standard_normal(total) + 1j * rng.standard_normal(total)) / math.sqrt(2.0))
 
-    def station(common: Array) -> Array:
-        own = noise()
-        own *= math.sqrt(1.0 - setup.rho)
-        own += common
-        return own
-
-    common = math.sqrt(setup.rho) * noise()
-    one, two = station(common), station(common)
+    common = noise(setup.rho)
+    one, two = (noise(1.0 - setup.rho) + common for _ in range(2))
     del common
     two = fft.fft(two, overwrite_x=True)
     two *= np.exp(-2j * np.pi * delay * np.fft.fftfreq(total, 1.0 / setup.bandwidth))
@@ -261,8 +247,9 @@ def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -
     cells = np.fft.fftshift(cells, axes=1)  # by frequency before padding, or the peak moves by 0.3 us and loses 20 %
     shape = (setup.padding * periods, setup.padding * n)
     transformed = np.abs(np.fft.fft(np.fft.ifft(cells, shape[1], axis=1) * shape[1], shape[0], axis=0)) / cells.size
-    i, j = np.unravel_index(int(np.argmax(transformed)), shape)
-    rates = np.fft.fftfreq(shape[0], segments * n / setup.bandwidth)
-    delays = np.fft.fftfreq(shape[1], setup.bandwidth / n)
-    amplitude = float(transformed[i, j])
-    return RawPeak(float(rates[i]), float(delays[j]), amplitude, amplitude * math.sqrt(periods * segments * n))
+    rates, delays = (
+        np.fft.fftfreq(shape[0], segments * n / setup.bandwidth),
+        np.fft.fftfreq(shape[1], setup.bandwidth / n),
+    )
+    peak = search(Plane(rates, delays, transformed))
+    return RawPeak(*peak, peak.snr * math.sqrt(periods * segments * n))

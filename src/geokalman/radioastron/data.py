@@ -62,9 +62,7 @@ class Levels:
         for name in ("pressure_error", "acceleration", "impulse"):
             value = scalar(name, getattr(self, name))
             if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(
-                    f"{name} = {value:g} is the size of an unmodelled force; it must be finite and 0 or more"
-                )
+                raise ValueError(f"{name} = {value:g} is the size of an unmodelled force; it must be finite, 0 or more")
         if self.bias not in ("none", "common", "per-pass"):
             raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass")
 
@@ -85,9 +83,7 @@ class Levels:
 
 @dataclass(frozen=True)
 class Weights:
-    """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of the biases where it estimates
-    them.
-    """
+    """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of biases where it estimates them."""
 
     sigma_range: float = 50.0
     sigma_rate: float = 3e-3
@@ -102,12 +98,9 @@ class Weights:
     @classmethod
     def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Weights:
         """The weights of a notebook's parameters; where they are None, the noise of the data."""
-        given = {
-            "sigma_range": p["sigma_range_m"] if p.get("filter_sigma_range_m") is None else p["filter_sigma_range_m"],
-            "sigma_rate": p["sigma_rate_m_s"] if p.get("filter_sigma_rate_m_s") is None else p["filter_sigma_rate_m_s"],
-            "estimate_bias": p.get("estimate_bias", False),
-        }
-        return cls(**given | changes)
+        noise = {"sigma_range": "sigma_range_m", "sigma_rate": "sigma_rate_m_s"}
+        given = {k: p[name] if p.get(f"filter_{name}") is None else p[f"filter_{name}"] for k, name in noise.items()}
+        return cls(**given | {"estimate_bias": p.get("estimate_bias", False)} | changes)
 
 
 NAIVE = Weights(10.0, 1e-3)
@@ -147,6 +140,24 @@ class Observations:
         object.__setattr__(self, "day", whole("day", self.day))
         if not FIRST_DAY <= self.day <= LAST_DAY:
             raise ValueError(f"day = {self.day} is no modified Julian date from {FIRST_DAY} to {LAST_DAY}")
+        self._check_shapes()
+        for name in LIMITS:
+            self._check_values(name)
+        if np.isnan(self.range).all() and np.isnan(self.rate).all():
+            raise ValueError("every measurement is missing: the pass is empty")
+        self._check_times()
+        for name in self.stations:
+            find_station(name)
+        check_prior(self.prior_mean, self.prior_cov)
+        self._check_ranges()
+        self._check_rates()
+        if len(np.unique(self.arc)) < 2:
+            warnings.warn(
+                "one pass alone leaves the orbit undetermined across the line of sight; "
+                "the a-priori state decides there", stacklevel=3,
+            )  # fmt: skip
+
+    def _check_shapes(self) -> None:
         if self.t.ndim != 1:
             raise ValueError(f"t has shape {self.t.shape}; it must be (n,)")
         n = len(self.t)
@@ -155,62 +166,44 @@ class Observations:
         for name in ("station", "arc", "range", "rate"):
             if getattr(self, name).shape != (n,):
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}; with {n} times it must be ({n},)")
-        for name in ("range", "rate"):
-            bad = np.isinf(getattr(self, name))
-            if bad.any():
-                raise ValueError(f"{name} at index {int(bad.argmax())} is infinite; a missing one is NaN")
-            low, high, unit = LIMITS[name]
-            bad = (getattr(self, name) < low) | (getattr(self, name) > high) | np.isin(getattr(self, name), NULLS)
-            if 2 * bad.sum() < n and bad.any():  # where most are, the unit is another, which is told below
-                k = int(bad.argmax())
-                raise ValueError(
-                    f"{name} at index {k} is {getattr(self, name)[k]:g} {unit}, a null or not between {low:g} and "
-                    f"{high:g} {unit}; a missing one is NaN"
-                )
-        if not ((self.station >= 0) & (self.station < len(self.stations))).all():
-            k = int(((self.station < 0) | (self.station >= len(self.stations))).argmax())
+        count = len(self.stations)
+        if (k := _first((self.station < 0) | (self.station >= count))) is not None:
+            raise ValueError(f"station at index {k} is {self.station[k]}, an index into the {count} stations is needed")
+
+    def _check_values(self, name: str) -> None:
+        """Refuse infinities, and nulls and impossible sizes where they are few: where many, the unit is another."""
+        values, (low, high, unit) = getattr(self, name), LIMITS[name]
+        if (k := _first(np.isinf(values))) is not None:
+            raise ValueError(f"{name} at index {k} is infinite; a missing one is NaN")
+        bad = (values < low) | (values > high) | np.isin(values, NULLS)
+        if 2 * bad.sum() < len(values) and (k := _first(bad)) is not None:
             raise ValueError(
-                f"station at index {k} is {self.station[k]}, an index into the {len(self.stations)} stations is needed"
-            )
-        if np.isnan(self.range).all() and np.isnan(self.rate).all():
-            raise ValueError("every measurement is missing: the pass is empty")
-        if not np.isfinite(self.t).all():
-            raise ValueError(f"time at index {int((~np.isfinite(self.t)).argmax())} is not finite")
-        step = np.diff(self.t)
-        if (step < 0.0).any():
-            k = int((step < 0.0).argmax()) + 1
-            raise ValueError(f"time {self.t[k]:g} s at index {k} is before the one ahead of it; sort the measurements")
-        same = (step == 0.0) & (np.diff(self.station) == 0)
-        if same.any():
-            k = int(same.argmax()) + 1
-            raise ValueError(
-                f"station {self.stations[self.station[k]]} measures twice at {self.t[k]:g} s (index {k}); "
-                "drop the duplicate"
-            )
-        if (step > LONGEST_GAP).any():
-            k = int((step > LONGEST_GAP).argmax())
-            raise ValueError(
-                f"the gap of {step[k]:g} s after {self.t[k]:g} s is longer than a day; estimate the arcs one by one"
-            )
-        for name in self.stations:
-            find_station(name)
-        check_prior(self.prior_mean, self.prior_cov)
-        seen = np.flatnonzero(np.isfinite(self.range))
-        if seen.size:
-            self._check_ranges(seen[0])
-        self._check_rates()
-        if len(np.unique(self.arc)) < 2:
-            warnings.warn(
-                "one pass alone leaves the orbit undetermined across the line of sight; "
-                "the a-priori state decides there",
-                stacklevel=3,
+                f"{name} at index {k} is {values[k]:g} {unit}, a null or not between {low:g} and {high:g} {unit}; "
+                "a missing one is NaN"
             )
 
-    def _check_ranges(self, k: int) -> None:
-        expected = float(np.linalg.norm(self.prior_mean[:3]))
+    def _check_times(self) -> None:
+        t = self.t
+        if (k := _first(~np.isfinite(t))) is not None:
+            raise ValueError(f"time at index {k} is not finite")
+        step = np.diff(t, prepend=t[0])
+        if (k := _first(step < 0.0)) is not None:
+            raise ValueError(f"time {t[k]:g} s at index {k} is before the one ahead of it; sort the measurements")
+        if (k := _first((step[1:] == 0.0) & (np.diff(self.station) == 0))) is not None:
+            name = self.stations[self.station[k]]
+            raise ValueError(f"station {name} measures twice at {t[k]:g} s (index {k + 1}); drop the duplicate")
+        if (k := _first(step[1:] > LONGEST_GAP)) is not None:
+            raise ValueError(f"the gap of {step[k + 1]:g} s after {t[k]:g} s is longer than a day; estimate arc by arc")
+
+    def _check_ranges(self) -> None:
+        """Hold the first range against the distance of the a-priori state: another unit shows."""
+        seen = np.flatnonzero(np.isfinite(self.range))
+        if not seen.size:
+            return
+        k = seen[0]
+        value, expected = self.range[k], float(np.linalg.norm(self.prior_mean[:3]))
         spread = 2.0 * R_EARTH + 10.0 * math.sqrt(np.trace(self.prior_cov[:3, :3]))
-        ratio = self.range[k] / expected
-        if abs(self.range[k] - expected) <= spread:
+        if abs(value - expected) <= spread:
             return
         hint = "check the units"
         for factor, words in (
@@ -218,46 +211,42 @@ class Observations:
             (2.0, "it seems to be the whole way up and down, not half"),
             (1e3, "it seems to be in mm"),
         ):
-            if abs(self.range[k] / factor - expected) <= spread:
+            if abs(value / factor - expected) <= spread:
                 hint = words
         raise ValueError(
-            f"range {self.range[k]:.6g} m at index {k} is {ratio:.4g} times the distance {expected:.6g} m of the "
+            f"range {value:.6g} m at index {k} is {value / expected:.4g} times the distance {expected:.6g} m of the "
             f"a-priori state: {hint}"
         )
 
     def _check_rates(self) -> None:
-        """Hold the range-rates of each pass against the slope of its ranges: a sign or a link that is another shows
-        at once.
-        """
+        """Hold the range-rates of each pass against the slope of its ranges: another sign or link shows."""
+        seen = np.isfinite(self.range) & np.isfinite(self.rate)
         for arc in np.unique(self.arc):
             for station in np.unique(self.station):
-                rows = np.flatnonzero(
-                    (self.arc == arc) & (self.station == station) & np.isfinite(self.range) & np.isfinite(self.rate)
-                )
+                rows = np.flatnonzero((self.arc == arc) & (self.station == station) & seen)
                 if len(rows) < 5:
                     continue
-                t = self.t[rows] - self.t[rows].mean()
-                fit, (squares, *_) = np.polynomial.polynomial.polyfit(
-                    t, self.range[rows] - self.range[rows].mean(), 2, full=True
-                )
+                t, y = (values[rows] - values[rows].mean() for values in (self.t, self.range))
+                fit, (squares, *_) = np.polynomial.polynomial.polyfit(t, y, 2, full=True)
                 spread = math.sqrt(float(np.sum(squares)) / max(1, len(rows) - 3) / (t @ t))
-                rate = float(np.median(self.rate[rows]))
+                rate, slope = float(np.median(self.rate[rows])), fit[1]
                 limit = max(RATE_DISAGREEMENT, 6.0 * spread)
-                if abs(rate - fit[1]) <= limit:
+                if abs(rate - slope) <= limit:
                     continue
-                where = (
-                    f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with "
-                    f"the slope {fit[1]:.4f} m/s of its ranges"
-                )
-                if abs(rate + fit[1]) <= limit:
-                    raise ValueError(
-                        f"{where}: their sign is that of a Doppler; a range-rate is positive when receding"
-                    )
-                if abs(rate - fit[1]) > 1.0:
-                    raise ValueError(f"{where}: check the units and the times of both")
+                hint = "a constant near 0.2 m/s means that one-way Doppler was given to the two-way model"
+                if abs(rate + slope) <= limit:
+                    hint = "their sign is that of a Doppler; a range-rate is positive when receding"
+                elif abs(rate - slope) > 1.0:
+                    hint = "check the units and the times of both"
                 raise ValueError(
-                    f"{where}: a constant near 0.2 m/s means that one-way Doppler was given to the two-way model"
+                    f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with "
+                    f"the slope {slope:.4f} m/s of its ranges: {hint}"
                 )
+
+
+def _first(bad: NDArray[np.bool_]) -> int | None:
+    """Index of the first that is bad, if any is."""
+    return int(bad.argmax()) if bad.any() else None
 
 
 def _indices(name: str, value: Any) -> NDArray[np.int64]:
@@ -269,9 +258,7 @@ def _indices(name: str, value: Any) -> NDArray[np.int64]:
 
 
 def check_prior(mean: Array, cov: Array) -> None:
-    """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a matrix (6, 6) that is no
-    covariance.
-    """
+    """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a cov (6, 6) that is none."""
     if mean.shape != (6,) or not np.isfinite(mean).all():
         raise ValueError(f"the a-priori state must be six finite numbers, not {np.array2string(mean, threshold=8)}")
     distance = float(np.linalg.norm(mean[:3]))

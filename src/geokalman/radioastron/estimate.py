@@ -1,8 +1,7 @@
-"""Orbits from the data: the extended filter with four kinds of transition matrix, the unscented filter, the batch
-with biases.
+"""Orbits from the data: extended and unscented filters by the core's `run`, the batch with biases, the gate.
 
 State: GCRS position and velocity [m, m/s], then, where they are estimated, a range and a range-rate bias of each
-station in each pass. Nothing here sees the truth. The estimators step by the kernels of `kalman`.
+station in each pass. Nothing here sees the truth.
 """
 
 from __future__ import annotations
@@ -12,21 +11,18 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from geokalman.kalman.gaussian import NotPositiveDefinite
-from geokalman.kalman.linear import predict_step, update_step
-from geokalman.kalman.unscented import sigma_points_step, spread, transform_step, unscented_update_step
+from geokalman.kalman.gaussian import Gaussian
+from geokalman.kalman.model import OBSERVE, PROPAGATE, Model, Sensor
+from geokalman.kalman.run import Kind, run
 from geokalman.leastsquares import NormalEquations
 from geokalman.physics.satellite import (
-    Dynamics,
-    euler_transition_step,
-    propagate_step,
-    satellite_force,
-    transition_step,
-)
+    Dynamics, euler_transition_step, propagate_step, satellite_force, transition_step,
+)  # fmt: skip
 from geokalman.physics.timescales import iso_utc
-from geokalman.radioastron.data import INFLATED, Observations, Weights
+from geokalman.radioastron.data import INFLATED, LONGEST_GAP, Observations, Weights
 from geokalman.radioastron.model import STATIONS, Array
 from geokalman.radioastron.twoway import observe_step, partials_step
 from geokalman.radioastron.visibility import check_passes
@@ -38,15 +34,13 @@ SUBSTEP = 10.0
 """Sub-step of the transition matrix I + F T [s]."""
 GATE = 5.0
 """Residuals beyond so many sigmas after the first pass are outliers."""
-_MODES = {"integrated": 0, "substeps": 1, "single": 2}
+_TRANSITIONS = {"integrated": (0.0, STEP), "substeps": (1.0, SUBSTEP), "single": (1.0, LONGEST_GAP)}
 _ACCEPTED = 0.01  # change of a batch estimate, in units of its sigma, at which the iteration ends
 
 
 @dataclass(frozen=True, eq=False)
 class Orbit:
-    """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases with their
-    sigmas.
-    """
+    """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases and sigmas."""
 
     t: float
     mean: Array
@@ -64,9 +58,7 @@ class Orbit:
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """What a filter leaves at each measurement: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n,
-    2); the end.
-    """
+    """A filter's course: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n, 2); orbit at the end."""
 
     t: Array
     mean: Array
@@ -77,39 +69,36 @@ class Filtered:
 
 def prior_orbit(data: Observations) -> Orbit:
     """The a-priori state as an Orbit: what one has without tracking."""
-    return Orbit(float(data.t[0]), data.prior_mean.copy(), data.prior_cov.copy(), np.empty(0), np.empty(0))
+    return _orbit(data.t[0], data.prior_mean.copy(), data.prior_cov.copy())
 
 
-def bias_columns(data: Observations, weights: Weights) -> tuple[Array, int]:
-    """First bias state of each measurement (n,), -1 without biases, and the number of all states."""
-    if not weights.estimate_bias:
-        return np.full(len(data.t), -1, dtype=np.int64), 6
-    arcs = int(data.arc.max()) + 1
-    return 6 + 2 * (data.station * arcs + data.arc).astype(np.int64), 6 + 2 * arcs * len(data.stations)
+def _orbit(t: float, x: Array, P: Array) -> Orbit:
+    """The Orbit of a state with its biases."""
+    return Orbit(float(t), x[:6], P[:6, :6], x[6:], np.sqrt(np.diag(P)[6:]))
 
 
-def _start(data: Observations, weights: Weights) -> tuple[Array, Array, Array]:
-    columns, n = bias_columns(data, weights)
-    x, P = np.zeros(n), np.zeros((n, n))
-    x[:6], P[:6, :6] = data.prior_mean, data.prior_cov
-    P[range(6, n, 2), range(6, n, 2)] = weights.bias_range**2
-    P[range(7, n, 2), range(7, n, 2)] = weights.bias_rate**2
-    return x, P, columns
+def links(stations: tuple[str, ...], station: NDArray[np.int64], column: Array | float = -1.0) -> Array:
+    """Inputs of the observation (n, 4): Earth-fixed station [m] and first state of its biases, -1 for none."""
+    itrs = np.array([STATIONS[name] for name in stations])[station]
+    return np.column_stack([itrs, np.broadcast_to(column, len(itrs))])
 
 
-def _arrays(data: Observations, world: Dynamics):
+def _start(data: Observations, world: Dynamics, weights: Weights) -> tuple[Gaussian, Array, Array]:
+    """A-priori state with its biases, observations (n, 2) and inputs (n, 4), checked."""
     if data.day != world.day:
         ours, theirs = (iso_utc(day, 0.0)[:10] for day in (data.day, world.day))
         raise ValueError(f"the data are of {ours}, the forces of {theirs}; both count seconds from 0h of one day")
     world.check_span(float(data.t[0]) - 2.0, float(data.t[-1]) + 2.0)
     check_passes(world, data.t, data.station, data.prior_mean, data.stations)
-    z = np.column_stack([data.range, data.rate])
-    return (
-        np.ascontiguousarray(data.t),
-        np.ascontiguousarray(data.station, dtype=np.int64),
-        z,
-        np.array([STATIONS[s] for s in data.stations]),
-    )
+    column, pairs = -1.0, 0
+    if weights.estimate_bias:
+        arcs = int(data.arc.max()) + 1
+        column, pairs = 6.0 + 2.0 * (data.station * arcs + data.arc), arcs * len(data.stations)
+    variances = np.tile([weights.bias_range**2, weights.bias_rate**2], pairs)
+    P = np.diag(np.concatenate([np.zeros(6), variances]))
+    P[:6, :6] = data.prior_cov
+    prior = Gaussian(np.concatenate([data.prior_mean, np.zeros(2 * pairs)]), P)
+    return prior, np.column_stack([data.range, data.rate]), links(data.stations, data.station, column)
 
 
 def extended(
@@ -120,25 +109,17 @@ def extended(
     iterations: int = 1,
     process_noise: float = 0.0,
 ) -> Filtered:
-    """The extended Kalman filter of the paper, (18)-(23), the state integrated and the innovation y - h(x) (errata
-    E1, E2).
+    """The extended Kalman filter of the paper, (18)-(23), with the state integrated and the innovation y - h(x).
 
     transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each
-    whole interval;
-    iterations : of the update, more than 1 is the iterated filter; process_noise : density of white acceleration [m^2
-    s^-3]. Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
+    whole interval; iterations : of the update, more than 1 is the iterated filter; process_noise : density of white
+    acceleration [m^2 s^-3]. Errata E1, E2.
+    Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
     """
-    if transition not in _MODES:
-        raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_MODES)}")
-    x, P, columns = _start(data, weights)
-    t, station, z, itrs = _arrays(data, world)
-    n = len(t)
-    mean, cov, innovations = np.empty((n, 6)), np.empty((n, 6, 6)), np.full((n, 2), np.nan)
-    failed = _extended(
-        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params,
-        _MODES[transition], iterations, process_noise, STEP, mean, cov, innovations,
-    )  # fmt: skip
-    return _filtered(data, x, P, mean, cov, innovations, failed)
+    if transition not in _TRANSITIONS:
+        raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_TRANSITIONS)}")
+    motion = *_TRANSITIONS[transition], process_noise
+    return _filtered(data, world, weights, motion, "extended", iterations=iterations)
 
 
 def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, kappa: float = 0.0) -> Filtered:
@@ -146,73 +127,55 @@ def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, 
 
     Raises NotPositiveDefinite with the epoch.
     """
-    x, P, columns = _start(data, weights)
-    t, station, z, itrs = _arrays(data, world)
-    n = len(t)
-    mean, cov, innovations = np.empty((n, 6)), np.empty((n, 6, 6)), np.full((n, 2), np.nan)
-    c, w = spread(len(x), 1.0, 2.0, kappa)
-    failed = _unscented(
-        t, station, columns, z, weights.sigma_range**2, weights.sigma_rate**2, x, P, itrs, world.params, c, w, STEP,
-        mean, cov, innovations,
-    )  # fmt: skip
-    return _filtered(data, x, P, mean, cov, innovations, failed)
+    return _filtered(data, world, weights, (*_TRANSITIONS["integrated"], 0.0), "unscented", kappa=kappa)
 
 
-def _filtered(data, x, P, mean, cov, innovations, failed) -> Filtered:
-    if failed >= 0:
-        raise NotPositiveDefinite("covariance", failed, float(data.t[failed]))
-    return Filtered(
-        data.t,
-        mean,
-        cov,
-        innovations,
-        Orbit(float(data.t[-1]), x[:6].copy(), P[:6, :6].copy(), x[6:], np.sqrt(np.diag(P)[6:])),
-    )
+def _filtered(data, world, weights, motion: tuple[float, float, float], kind: Kind, **options) -> Filtered:
+    prior, z, inputs = _start(data, world, weights)
+    model = Model(f=_propagate, params=np.concatenate([world.params, motion]))
+    R = np.diag([weights.sigma_range**2, weights.sigma_rate**2])
+    course = run(prior, data.t, model, [Sensor(z, R, h=_observe, inputs=inputs, params=world.params)], kind, **options)
+    end = _orbit(data.t[-1], course.mean[-1], course.cov[-1])
+    return Filtered(data.t, course.mean[:, :6], course.cov[:, :6, :6], course.whitened, end)
 
 
 def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, longest: int = 10) -> Orbit:
-    """Least squares over all measurements with the a-priori state, iterated: the fixed-interval smoother's state at
-    t[0].
+    """Least squares over all measurements with the a-priori state, iterated: the smoother's state at t[0].
 
     Raises ArithmeticError where `longest` iterations do not settle.
     """
-    x0, P0, columns = _start(data, weights)
-    t, station, z, itrs = _arrays(data, world)
-    root = solve_triangular(np.linalg.cholesky(P0), np.eye(len(x0)), lower=True)  # whitens the a-priori state
+    prior, z, inputs = _start(data, world, weights)
+    n = len(prior.mean)
+    root = solve_triangular(np.linalg.cholesky(prior.cov), np.eye(n), lower=True)  # whitens the a-priori state
     sigma = np.array([weights.sigma_range, weights.sigma_rate])
-    x = x0.copy()
+    x = prior.mean
     for _ in range(longest):
-        residual, design = np.empty((len(t), 2)), np.zeros((len(t), 2, len(x)))
-        linearise_step(t, station, columns, z, x, itrs, world.params, STEP, residual, design)
-        normals = NormalEquations(len(x))
-        normals.add(root, root @ (x0 - x))
+        predicted, design = linearise_step(data.t, x, inputs, world.params)
+        residual = (z - predicted) / sigma
+        normals = NormalEquations(n)
+        normals.add(root, root @ (prior.mean - x))
         seen = np.isfinite(residual)
-        normals.add((design / sigma[:, None])[seen], (residual / sigma)[seen])
+        normals.add((design / sigma[:, None])[seen], residual[seen])
         solution = normals.factor()
-        step = solution.estimate[:, 0]
+        step, cov = solution.estimate[:, 0], solution.covariance()
         x = x + step
-        cov = solution.covariance()
         if np.all(np.abs(step) < _ACCEPTED * np.sqrt(np.diag(cov))):
-            return Orbit(float(t[0]), x[:6].copy(), cov[:6, :6].copy(), x[6:], np.sqrt(np.diag(cov)[6:]))
+            return _orbit(data.t[0], x, cov)
     raise ArithmeticError(
         f"the batch estimate still moves after {longest} iterations; is the a-priori state within its sigma?"
     )
 
 
 def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
-    """Measured minus computed range [m] and range-rate [m/s] along an estimated orbit, (n, 2), biases not taken off."""
-    t, station, z, itrs = _arrays(data, world)
-    residual, design = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
-    x = orbit.at(world, float(t[0])).mean
-    linearise_step(t, station, np.full(len(t), -1, dtype=np.int64), z, x, itrs, world.params, STEP, residual, design)
-    return residual
+    """Measured minus computed range [m] and range-rate [m/s] along an estimated orbit (n, 2), biases not taken off."""
+    _, z, inputs = _start(data, world, Weights())
+    return z - linearise_step(data.t, orbit.at(world, float(data.t[0])).mean, inputs, world.params)[0]
 
 
 def without_outliers(
     data: Observations, world: Dynamics, weights: Weights = INFLATED, gate: float = GATE
 ) -> tuple[Observations, Array]:
-    """Take out what lies beyond `gate` sigmas of the fit of a first pass over all data: the data, and a mask (n, 2)
-    of what went.
+    """Take out what lies beyond `gate` sigmas of a first fit to all data: the data, and a mask (n, 2) of what went.
 
     Not before: an a-priori error of 2 km makes innovations of a hundred sigmas in good data. Each residual, its
     median taken off, is held against the smaller of its weight and the spread (1.4826 times the median absolute
@@ -222,170 +185,75 @@ def without_outliers(
     residual = residuals(data, world, batch(data, world, weights))
     centred = residual - np.nanmedian(residual, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(centred), axis=0), 1e-12)
-    out = np.abs(centred) > gate * np.minimum(
-        np.maximum(spread, 1e-3 * np.array([weights.sigma_range, weights.sigma_rate])),
-        [weights.sigma_range, weights.sigma_rate],
-    )
+    sigma = np.array([weights.sigma_range, weights.sigma_rate])
+    out = np.abs(centred) > gate * np.minimum(np.maximum(spread, 1e-3 * sigma), sigma)
     kept = [np.where(out[:, k], np.nan, column) for k, column in enumerate((data.range, data.rate))]
     return replace(data, range=kept[0], rate=kept[1]), out
 
 
 def literal_step(state: Array, gradient: Array, step: float) -> Array:
-    """Equations (13) and (19) as printed: X(k+1) = (I + F T) X(k), which doubles gravity and turns it round (erratum
-    E1).
-    """
+    """Equations (13) and (19) as printed: X(k+1) = (I + F T) X(k), which doubles gravity and turns it round (E1)."""
     return np.concatenate([state[:3] + step * state[3:], state[3:] + step * (gradient @ state[:3])])
 
 
-@njit(cache=True)
-def _transition(mode, t0, t1, longest, x, params, Phi):
-    """Take x[:6] to t1 and put the transition matrix of all states in Phi; biases stay."""
-    Phi6, y = np.eye(6), x[:6].copy()
-    if mode == 0:
-        transition_step(t0, t1, longest, y, params, Phi6)
+@njit(PROPAGATE, cache=True)
+def _propagate(t0, t1, x, u, p, x_out, F, Q):
+    """Orbit at t1; biases stay. p : params of `Dynamics`, then 0 for the variational equations or 1 for I + F T,
+    the longest step [s], and the density q of white acceleration [m^2 s^-3]."""
+    params, euler, longest, q, T = p[:-3], p[-3], p[-2], p[-1], t1 - t0
+    x_out[:] = x
+    if F.size == 0:
+        propagate_step(t0, t1, longest, x_out[:6], params)
     else:
-        euler_transition_step(t0, t1, SUBSTEP if mode == 1 else 1e9, y, params, Phi6)
-    Phi[:] = 0.0
-    for i in range(len(x)):
-        Phi[i, i] = 1.0
-    Phi[:6, :6] = Phi6
-    x[:6] = y
+        Phi = np.eye(6)
+        if euler == 0.0:
+            transition_step(t0, t1, longest, x_out[:6], params, Phi)
+        else:
+            euler_transition_step(t0, t1, longest, x_out[:6], params, Phi)
+        F[:] = np.eye(x.size)
+        F[:6, :6] = Phi
+    if q > 0.0 and Q.size > 0:
+        for i in range(3):
+            Q[i, i] = q * T * T * T / 3.0
+            Q[i, 3 + i] = Q[3 + i, i] = 0.5 * q * T * T
+            Q[3 + i, 3 + i] = q * T
+    return 0
 
 
-@njit(cache=True)
-def _white_acceleration(q, T, Q):
-    for i in range(3):
-        Q[i, i] = q * T * T * T / 3.0
-        Q[i, 3 + i] = Q[3 + i, i] = 0.5 * q * T * T
-        Q[3 + i, 3 + i] = q * T
-
-
-@njit(cache=True)
-def _predicted(t, x, column, itrs, params, H, z):
-    """Observation z (2,) and its partial derivatives H (2, n) at the state x (n,)."""
-    a, H6, y = np.empty(3), np.empty((2, 6)), x[:6].copy()
-    satellite_force(t, y, params, a)
-    observe_step(t, y, a, itrs, params, True, z)
-    partials_step(t, y, a, itrs, params, H6)
-    H[:] = 0.0
-    H[:, :6] = H6
+@njit(OBSERVE, cache=True)
+def _observe(t, x, u, p, h, H, R):
+    """Two-way range and range-rate, and the biases of a link. u : a row of `links`; p : params of `Dynamics`."""
+    a, H6, column = np.empty(3), np.empty((2, 6)), int(u[3])
+    satellite_force(t, x[:6], p, a)
+    observe_step(t, x[:6], a, u[:3], p, True, h)
+    if H.size > 0:
+        partials_step(t, x[:6], a, u[:3], p, H6)
+        H[:] = 0.0
+        H[:, :6] = H6
     if column >= 0:
         for i in range(2):
-            H[i, column + i] = 1.0
-            z[i] += x[column + i]
+            h[i] += x[column + i]
+            if H.size > 0:
+                H[i, column + i] = 1.0
+    return 0
 
 
 @njit(cache=True)
-def _extended(
-    t, station, columns, z, r_range, r_rate, x, P, itrs, params, mode, iterations, q, longest, mean, cov, innovations
-):
-    """All measurements forward, x and P in place; returns -1, or the epoch at which a covariance is not positive
-    definite.
+def linearise_step(t, x, inputs, params):
+    """Observations (n, 2) predicted along the orbit of the states x at t[0], and their derivatives by x (n, 2, states).
+
+    t : (n,) [s]; inputs : (n, 4) of `links`; params of `Dynamics`.
     """
-    n = len(x)
-    Phi, Q, x_out, P_out = np.empty((n, n)), np.zeros((n, n)), np.empty(n), np.empty((n, n))
-    H, h = np.empty((2, n)), np.empty(2)
-    for k in range(len(t)):
+    n = x.size
+    predicted, design = np.empty((t.size, 2)), np.zeros((t.size, 2, n))
+    y, Phi, Phi6, H, no_noise = x.copy(), np.eye(n), np.eye(6), np.empty((2, n)), np.empty((0, 0))
+    for k in range(t.size):
         if k > 0 and t[k] > t[k - 1]:
-            before = x.copy()
-            _transition(mode, t[k - 1], t[k], longest, x, params, Phi)
-            if q > 0.0:
-                _white_acceleration(q, t[k] - t[k - 1], Q)
-            predict_step(before, P, Phi, Q, x_out, P_out)
-            P[:] = P_out
-        seen = np.flatnonzero(~np.isnan(z[k]))
-        m = len(seen)
-        if m > 0:
-            prior, P_prior = x.copy(), P.copy()
-            R, S, white = np.zeros((m, m)), np.empty((m, m)), np.empty(m)
-            H_seen, residual = np.empty((m, n)), np.empty(m)
-            for i in range(m):
-                R[i, i] = r_range if seen[i] == 0 else r_rate
-            for i in range(iterations):
-                _predicted(t[k], x, columns[k], itrs[station[k]], params, H, h)
-                for j in range(m):
-                    H_seen[j] = H[seen[j]]
-                    residual[j] = z[k, seen[j]] - h[seen[j]]
-                    for d in range(n):
-                        residual[j] -= H_seen[j, d] * (prior[d] - x[d])
-                x[:] = prior
-                P[:] = P_prior
-                if update_step(x, P, residual, H_seen, R, S, white) != 0:
-                    return k
-                if i == 0:
-                    for j in range(m):
-                        innovations[k, seen[j]] = white[j]
-        mean[k] = x[:6]
-        cov[k] = P[:6, :6]
-    return -1
-
-
-@njit(cache=True)
-def _unscented(t, station, columns, z, r_range, r_rate, x, P, itrs, params, c, w, longest, mean, cov, innovations):
-    """As `_extended` with sigma points."""
-    n = len(x)
-    points = 2 * n + 1
-    chi, U = np.empty((points, n)), np.empty((n, n))
-    D, rest, none = np.empty((n, n)), np.empty((n, n)), np.zeros((n, n))
-    a, h, y = np.empty(3), np.empty(2), np.empty(6)
-    for k in range(len(t)):
-        if k > 0 and t[k] > t[k - 1]:
-            if sigma_points_step(x, P, c, chi, U) != 0:
-                return k
-            for i in range(points):
-                y[:] = chi[i, :6]
-                propagate_step(t[k - 1], t[k], longest, y, params)
-                chi[i, :6] = y
-            transform_step(chi, none, c, w, x, D, rest, P)
-        seen = np.flatnonzero(~np.isnan(z[k]))
-        m = len(seen)
-        if m > 0:
-            if sigma_points_step(x, P, c, chi, U) != 0:
-                return k
-            gamma, R, S, white, z_seen = (
-                np.empty((points, m)),
-                np.zeros((m, m)),
-                np.empty((m, m)),
-                np.empty(m),
-                np.empty(m),
-            )
-            for i in range(m):
-                R[i, i] = r_range if seen[i] == 0 else r_rate
-                z_seen[i] = z[k, seen[i]]
-            for i in range(points):
-                y[:] = chi[i, :6]
-                satellite_force(t[k], y, params, a)
-                observe_step(t[k], y, a, itrs[station[k]], params, True, h)
-                for j in range(m):
-                    gamma[i, j] = h[seen[j]]
-                    if columns[k] >= 0:
-                        gamma[i, j] += chi[i, columns[k] + seen[j]]
-            if unscented_update_step(x, P, U, gamma, z_seen, R, c, w, S, white) != 0:
-                return k
-            for j in range(m):
-                innovations[k, seen[j]] = white[j]
-        mean[k] = x[:6]
-        cov[k] = P[:6, :6]
-    return -1
-
-
-@njit(cache=True)
-def linearise_step(t, station, columns, z, x, itrs, params, longest, residual, design):
-    """Residuals (n, 2) and design (n, 2, states) of all measurements with respect to the states x at t[0]."""
-    n = len(x)
-    y, Phi = x.copy(), np.eye(n)
-    Phi6 = np.eye(6)
-    H, h, state = np.empty((2, n)), np.empty(2), x[:6].copy()
-    for k in range(len(t)):
-        if k > 0 and t[k] > t[k - 1]:
-            transition_step(t[k - 1], t[k], longest, state, params, Phi6)
-            y[:6] = state
+            transition_step(t[k - 1], t[k], STEP, y[:6], params, Phi6)
             Phi[:6, :6] = Phi6
-        _predicted(t[k], y, columns[k], itrs[station[k]], params, H, h)
+        _observe(t[k], y, inputs[k], params, predicted[k], H, no_noise)
         for i in range(2):
-            residual[k, i] = z[k, i] - h[i]
             for d in range(n):
-                total = 0.0
                 for e in range(n):
-                    total += H[i, e] * Phi[e, d]
-                design[k, i, d] = total
+                    design[k, i, d] += H[i, e] * Phi[e, d]
+    return predicted, design

@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 from geokalman.constants import C_LIGHT
 from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron.data import Levels, Weights
-from geokalman.radioastron.estimate import STEP, linearise_step
+from geokalman.radioastron.estimate import linearise_step, links
 from geokalman.radioastron.model import STATIONS, Array, Session, find_stations, nominal_state, toward
 from geokalman.radioastron.model import world as world_of
 from geokalman.radioastron.simulate import schedule
@@ -29,9 +29,7 @@ _CURVE = 300.0  # s between nodes of the spline through the transition matrix
 
 
 class Sigmas(NamedTuple):
-    """Formal standard deviations at mid-observation: delay [s], its rate [s/s], position and velocity (root of the
-    trace) [m, m/s].
-    """
+    """Formal sigmas at mid-observation: delay [s], its rate [s/s], position, velocity (root of the trace) [m, m/s]."""
 
     delay: float
     rate: float
@@ -44,7 +42,7 @@ class Geometry:
     """A session linearised about its nominal orbit.
 
     t (n,), station, arc: the schedule; H (n, 2, 6): design of range and range-rate with respect to the state at t[0];
-    states (n, 6): the nominal orbit there; Phi (6, 6): from t[0] to mid-observation; middle (6,): the state then.
+    start (6,): the nominal state then; Phi (6, 6): from t[0] to mid-observation; middle (6,): the state there.
     """
 
     session: Session
@@ -67,11 +65,7 @@ def linearise(session: Session, world: Dynamics, stations: tuple[str, ...]) -> G
     start = nominal_state(session, world)
     t, station, arc = schedule(session, stations)
     check_passes(world, t, station, start, stations)
-    residual, H = np.empty((len(t), 2)), np.zeros((len(t), 2, 6))
-    none, itrs = np.full(len(t), -1, dtype=np.int64), np.array([STATIONS[name] for name in stations])
-    linearise_step(
-        t, station.astype(np.int64), none, np.zeros((len(t), 2)), start, itrs, world.params, STEP, residual, H
-    )
+    H = linearise_step(t, start, links(stations, station), world.params)[1]
     middle, Phi = world.transition(start, session.first, session.middle)
     return Geometry(session, world, stations, t, station, arc, H, start, Phi, middle)
 
@@ -86,17 +80,9 @@ def bias_design(g: Geometry, per_pass: bool) -> Array:
     return G
 
 
-def _normal(A: Array, B: Array, weights: Array) -> Array:
-    return np.einsum("kip,i,kiq->pq", A, weights, B)
-
-
 def _inverse(N: Array) -> Array:
     scale = 1.0 / np.sqrt(np.diag(N))
     return np.linalg.solve(N * np.outer(scale, scale), np.eye(len(N))) * np.outer(scale, scale)
-
-
-def _biases(count: int, range_: float, rate: float) -> Array:
-    return np.diag(np.tile([range_**2, rate**2], count // 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,28 +110,31 @@ def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
     if weights.estimate_bias:
         G = bias_design(g, per_pass=True)
         A = np.concatenate([g.H, G], axis=2)
-        prior = block_diag(prior, _inverse(_biases(G.shape[2], weights.bias_range, weights.bias_rate)))
-    P = _inverse(prior + _normal(A, A, w))
+        pair = [weights.bias_range**-2.0, weights.bias_rate**-2.0]
+        prior = block_diag(prior, np.diag(np.tile(pair, G.shape[2] // 2)))
+    P = _inverse(prior + np.einsum("kip,i,kiq->pq", A, w, A))
     gain = np.einsum("pq,kiq,i->pki", P, A, w)[:6]
+    prior_gain = (P @ prior)[:6, :6]
     true = np.array([levels.sigma_range**2, levels.sigma_rate**2])
-    consider = (P @ prior)[:6, :6] @ levels.prior_cov @ (P @ prior)[:6, :6].T
-    consider += np.einsum("pki,i,qki->pq", gain, true, gain)
+    consider = prior_gain @ levels.prior_cov @ prior_gain.T + np.einsum("pki,i,qki->pq", gain, true, gain)
     if levels.bias != "none":
         G = bias_design(g, levels.bias == "per-pass")
         K = np.einsum("pki,kib->pb", gain, G)
-        consider += K @ _biases(G.shape[2], levels.bias_range, levels.bias_rate) @ K.T
-    return Solution(gain, (P @ prior)[:6, :6], P[:6, :6], consider)
+        consider += (K * _bias_sigmas(levels, G) ** 2) @ K.T
+    return Solution(gain, prior_gain, P[:6, :6], consider)
+
+
+def _bias_sigmas(levels: Levels, G: Array) -> Array:
+    """Sigmas (k,) of the biases of a design G (n, 2, k)."""
+    return np.tile([levels.bias_range, levels.bias_rate], G.shape[2] // 2)
 
 
 def at_middle(g: Geometry, P: Array, source: Array) -> Sigmas:
     """Sigmas at mid-observation of a covariance P (6, 6) at t[0], source (3,) the unit vector to the source."""
     Q = g.Phi @ P @ g.Phi.T
-    return Sigmas(
-        float(np.sqrt(source @ Q[:3, :3] @ source)) / C_LIGHT,
-        float(np.sqrt(source @ Q[3:, 3:] @ source)) / C_LIGHT,
-        float(np.sqrt(np.trace(Q[:3, :3]))),
-        float(np.sqrt(np.trace(Q[3:, 3:]))),
-    )
+    r, v = Q[:3, :3], Q[3:, 3:]
+    squares = (source @ r @ source / C_LIGHT**2, source @ v @ source / C_LIGHT**2, np.trace(r), np.trace(v))
+    return Sigmas(*(float(np.sqrt(s)) for s in squares))
 
 
 class Evaluation(NamedTuple):
@@ -185,17 +174,13 @@ def angle_to_source(position: Array, source: Array) -> float:
 
 
 def projected_baseline(world: Dynamics, t: float, position: Array, telescope: str, source: Array) -> float:
-    """Length [m] of the baseline from a telescope to the spacecraft at position (3,) and time t [s], as seen from the
-    source.
-    """
+    """Length [m] of the baseline from a telescope to the spacecraft at t [s], (3,) [m], as seen from the source."""
     b = position[:3] - world.gcrs_from_itrs(t) @ np.array(STATIONS[telescope])
     return float(np.linalg.norm(b - (b @ source) * source))
 
 
 class Sample(NamedTuple):
-    """Errors of many linear draws at mid-observation, prior and post, (draws, 6) [m, m/s]; correction = post -
-    prior.
-    """
+    """Errors of many linear draws at mid-observation, before and after tracking, (draws, 6) [m, m/s]."""
 
     prior: Array
     post: Array
@@ -203,35 +188,28 @@ class Sample(NamedTuple):
 
 def large_sample(g: Geometry, levels: Levels, weights: Weights, rng: np.random.Generator, draws: int = 4000) -> Sample:
     """Errors of the linear estimate over many draws of everything that `simulate.draw` draws."""
-    solution = solve(g, levels, weights)
-    n = len(g.t)
-    forces, middle_forces = _force_effects(g, levels)
+    solution, session = solve(g, levels, weights), g.session
+    forces, middle_forces = _force_effects(g)
     error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
-    toward = rng.standard_normal((2, draws, 3))
-    toward /= np.linalg.norm(toward, axis=2, keepdims=True)
-    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * toward[0]])
-    when = rng.uniform(g.session.first, g.session.observation[1], draws)
+    axes = rng.standard_normal((2, draws, 3))
+    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * axes[0]])
+    when = rng.uniform(session.first, session.observation[1], draws)
     motion = np.einsum("dp,pkj->dkj", p, forces)  # true minus nominal orbit at the measurements
-    middle = p @ middle_forces
-    nodes = np.arange(g.session.first, g.session.observation[1] + _CURVE, _CURVE)
-    matrices = [g.world.transition(g.start, g.session.first, t)[1] for t in nodes]
-    Phi = CubicSpline(nodes, np.array(matrices))
-    kick = np.linalg.solve(
-        Phi(when), np.concatenate([np.zeros((draws, 3)), levels.impulse * toward[1]], axis=1)[..., None]
-    )[..., 0]
-    after = (g.t[None, :] >= when[:, None]).astype(float)
-    middle += (kick @ g.Phi.T) * (g.session.middle >= when)[:, None]
-    at_t0 = np.zeros((draws, n, 2))
+    nodes = np.arange(session.first, session.observation[1] + _CURVE, _CURVE)
+    Phi = CubicSpline(nodes, np.array([g.world.transition(g.start, session.first, t)[1] for t in nodes]))
+    impulse = np.concatenate([np.zeros((draws, 3)), levels.impulse * axes[1]], axis=1)
+    kick = np.linalg.solve(Phi(when), impulse[..., None])[..., 0]  # the impulse as an error at t[0]
+    middle = p @ middle_forces + (kick @ g.Phi.T) * (session.middle >= when)[:, None]
     states = _from_start(g)  # (n, 6, 6), H at t[0] = h(t) Phi(t, t0)
     own = np.swapaxes(np.linalg.solve(np.swapaxes(states, 1, 2), np.swapaxes(g.H, 1, 2)), 1, 2)
-    at_t0 += np.einsum("kij,dkj->dki", own, motion)
-    at_t0 += np.einsum("kij,dj->dki", g.H, kick) * after[..., None]
-    at_t0 += rng.standard_normal((draws, n, 2)) * (levels.sigma_range, levels.sigma_rate)
+    z = np.einsum("kij,dkj->dki", own, motion)
+    z += np.einsum("kij,dj->dki", g.H, kick) * (g.t >= when[:, None])[..., None]
+    z += rng.standard_normal(z.shape) * (levels.sigma_range, levels.sigma_rate)
     if levels.bias != "none":
         G = bias_design(g, levels.bias == "per-pass")
-        b = rng.standard_normal((draws, G.shape[2])) * np.tile([levels.bias_range, levels.bias_rate], G.shape[2] // 2)
-        at_t0 += np.einsum("kib,db->dki", G, b)
-    estimate = error0 @ solution.prior_gain.T + np.einsum("pki,dki->dp", solution.gain, at_t0)
+        z += np.einsum("kib,db->dki", G, rng.standard_normal((draws, G.shape[2])) * _bias_sigmas(levels, G))
+    estimate = error0 @ solution.prior_gain.T + np.einsum("pki,dki->dp", solution.gain, z)
     return Sample(error0 @ g.Phi.T - middle, estimate @ g.Phi.T - middle)
 
 
@@ -246,14 +224,11 @@ def _from_start(g: Geometry) -> Array:
     return out
 
 
-def _force_effects(g: Geometry, levels: Levels) -> tuple[Array, Array]:
-    """Change of the orbit per unit of the solar-pressure scale and of a constant acceleration: (4, n, 6), and at the
-    middle (4, 6).
-    """
+def _force_effects(g: Geometry) -> tuple[Array, Array]:
+    """Change of the orbit per unit of the pressure scale and of a constant acceleration: (4, n, 6), middle (4, 6)."""
     times = np.unique(np.append(g.t, g.session.middle))
-    place = np.searchsorted(times, g.t)
     nominal = g.world.propagate(g.start, times).y
     changes = [(1.0, g.world.with_changes(pressure_scale=2.0))]
     changes += [(1e-9, g.world.with_changes(constant=1e-9 * axis)) for axis in np.eye(3)]
     difference = np.array([(world.propagate(g.start, times).y - nominal) / size for size, world in changes])
-    return difference[:, place], difference[:, -1]
+    return difference[:, np.searchsorted(times, g.t)], difference[:, -1]

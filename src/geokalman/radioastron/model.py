@@ -37,9 +37,7 @@ SOURCES: dict[str, tuple[float, float]] = {
     "2229+695": (337.6519573, 69.7744658),
     "0212+735": (34.3783891, 73.8257283),
 }
-"""Right ascension and declination (J2000) of the assumed sources [deg]: one near the printed baseline for each
-session.
-"""
+"""Right ascension, declination (J2000) of the assumed sources [deg]: near the printed baseline of each session."""
 BANDS = {"L": 1.668e9, "C": 4.836e9}
 """Lower edge of the observing band [Hz]: 18 cm and 6.2 cm."""
 EARTH_DIAMETER = 12742e3
@@ -90,10 +88,8 @@ class Session:
 
     def epochs(self, interval: float = 10.0) -> Array:
         """Times of the measurements [s], every `interval` from the start of each pass."""
-        parts = [
-            begin + interval * np.arange(math.floor((end - begin) / interval + 1e-9) + 1) for begin, end in self.passes
-        ]
-        return np.concatenate(parts)
+        counts = [math.floor((end - begin) / interval + 1e-9) + 1 for begin, end in self.passes]
+        return np.concatenate([p[0] + interval * np.arange(n) for p, n in zip(self.passes, counts, strict=True)])
 
     def pass_numbers(self, t: Array) -> NDArray[np.int64]:
         """Number of the pass to which each time (n,) belongs."""
@@ -133,9 +129,8 @@ def find_session(name: str, mean_anomaly_deg: float | None = None, station: str 
     """The session of a name (`ST`, or the whole code `RAES03ST`), perhaps elsewhere on its orbit.
 
     A zero for the letter O, as the paper's text writes RAES030E, is taken for the letter (erratum E8).
-
-    mean_anomaly_deg replaces the assumed place on the orbit at the session's epoch.
-    Raises ValueError for an unknown session, or an epoch where TT - UTC is not the 67.184 s of these years.
+    mean_anomaly_deg replaces the assumed place on the orbit at the session's epoch, station the assumed one.
+    Raises ValueError for an unknown session or station, and an anomaly that is not finite.
     """
     key = name.strip().upper().removeprefix("RAES03").replace("0", "O")
     if key not in SESSIONS:
@@ -161,17 +156,15 @@ def check_leap_seconds(day: int, assumed: float) -> None:
 
 def find_station(name: str) -> str:
     """The name of a station as in `STATIONS`, whatever its case and hyphens. Raises ValueError for an unknown one."""
-    key = name.strip().lower().replace("-", " ").replace("_", " ")
+    first = name.strip().lower().replace("-", " ").replace("_", " ").split(" ")[0]
     for known in STATIONS:
-        if key == known.lower() or key.split(" ")[0] == known.lower().split(" ")[0]:
+        if first == known.lower().split(" ")[0]:
             return known
     raise ValueError(f"station {name!r} is unknown; give some of {', '.join(STATIONS)}")
 
 
 def find_stations(names: list[str] | tuple[str, ...], session: Session) -> tuple[str, ...]:
-    """The stations of a list of names, the session's own where it is empty. Raises ValueError for doubles and unknown
-    ones.
-    """
+    """The stations of some names, the session's own for none. Raises ValueError for doubles and unknown ones."""
     found = tuple(find_station(name) for name in names) or (session.station,)
     if len(set(found)) < len(found):
         raise ValueError(f"stations {', '.join(found)}: one of them stands there twice")
@@ -192,8 +185,7 @@ def direction(ra_deg: float, dec_deg: float) -> Array:
 
 
 def find_source(text: str, session: Session, position: Array | None = None) -> Array:
-    """Unit vector (3,) to a source: a name of `SOURCES`, `RA, Dec` in degrees, `east N`, or the session's own where
-    empty.
+    """Unit vector (3,) to a source: a name of `SOURCES`, `RA, Dec` in degrees, `east N`; empty: the session's own.
 
     `east 15` lies 15 degrees from the direction of the spacecraft (position (3,)), east along z x r.
     Raises ValueError for anything else; a right ascension in hours (12h30m, 12:30:00) is refused.
@@ -228,9 +220,7 @@ def check_orbit(elements: tuple[float, ...]) -> None:
 
 @functools.lru_cache(maxsize=32)
 def world(session: Session, model: ForceModel | None = None, days: float = 0.0) -> Dynamics:
-    """The dynamics of a session, from its first measurement (or epoch) to its end, or `days` after the first
-    measurement.
-    """
+    """The dynamics of a session from its first measurement or epoch to its end, or `days` after that measurement."""
     check_leap_seconds(session.day, TT_MINUS_UTC)
     first = min(session.first, session.epoch) - 3600.0
     last = max(session.observation[1], session.epoch, session.first + 86400.0 * days) + 3600.0
@@ -255,7 +245,5 @@ def _middle(session: Session) -> tuple[float, ...]:
 
 
 def toward(session: Session, text: str = "") -> Array:
-    """Unit vector (3,) to the source of `find_source`, `east N` counted from the nominal spacecraft at
-    mid-observation.
-    """
+    """Unit vector (3,) to the source of `find_source`, `east N` counted from the nominal orbit at mid-observation."""
     return find_source(text, session, np.array(_middle(session)[:3]))

@@ -19,35 +19,29 @@ from geokalman.radioastron.model import Array
 J2 = 1.0826266835531513e-3
 """Second zonal harmonic of EGM96."""
 GEOMETRIC = ("line-of-sight", "retardation", "station-motion", "second-order", "second-order-missing")
-"""Terms of (29) that make up the geometric Doppler, with the half of v^2/c that the printed sum takes away as time
-dilation.
-"""
+"""Terms of (29) in the geometric Doppler, with the half of v^2/c that the printed sum takes away as time dilation."""
 
 
 def doppler_terms(state: Array, a: Array, station: Array, station_velocity: Array, moon: Array) -> dict[str, float]:
-    """The terms of (29) [m/s], and `second-order-missing`, +v^2/2c, which turns the printed half into the geometric
-    whole.
+    """The terms of (29) [m/s], and `second-order-missing`, +v^2/2c, which makes the printed half the geometric whole.
 
-    state (6,) [m, m/s], a (3,) [m s^-2], station and its velocity (3,), geocentric Moon (3,), all in the GCRS at
-    reception.
+    state (6,) [m, m/s], a (3,) [m s^-2], station and its velocity (3,), geocentric Moon (3,): GCRS at reception.
     """
     r, v = state[:3], state[3:]
     D = r - station
-    distance, radius, to_moon = np.linalg.norm(D), np.linalg.norm(r), np.linalg.norm(moon)
-    half = v @ v / (2.0 * C_LIGHT)
-    gm_moon = GM_BODIES["moon"]
+    distance, radius, to_moon = (float(np.linalg.norm(x)) for x in (D, r, moon))
+    half, potential = float(v @ v) / (2.0 * C_LIGHT), GM_EARTH / (radius * C_LIGHT)
+    tide = 1.0 / to_moon - 1.0 / float(np.linalg.norm(moon - r)) + float(r @ moon) / to_moon**3
     return {
-        "line-of-sight": float(D @ (station_velocity - v) / distance),
-        "retardation": float(D @ a / C_LIGHT),
-        "station-motion": float(-station_velocity @ v / C_LIGHT),
-        "second-order": float(half),
-        "second-order-missing": float(half),
+        "line-of-sight": float(D @ (station_velocity - v)) / distance,
+        "retardation": float(D @ a) / C_LIGHT,
+        "station-motion": -float(station_velocity @ v) / C_LIGHT,
+        "second-order": half,
+        "second-order-missing": half,
         "clock": L_G * C_LIGHT,
-        "earth-potential": float(-GM_EARTH / (radius * C_LIGHT)),
-        "j2": float(
-            GM_EARTH / (radius * C_LIGHT) * 0.5 * J2 * (R_EARTH / radius) ** 2 * (3.0 * r[2] ** 2 / radius**2 - 1.0)
-        ),
-        "moon": float(gm_moon / C_LIGHT * (1.0 / to_moon - 1.0 / np.linalg.norm(moon - r) + r @ moon / to_moon**3)),
+        "earth-potential": -potential,
+        "j2": potential * 0.5 * J2 * (R_EARTH / radius) ** 2 * float(3.0 * r[2] ** 2 / radius**2 - 1.0),
+        "moon": GM_BODIES["moon"] / C_LIGHT * tide,
     }
 
 
@@ -58,9 +52,7 @@ def doppler(terms: dict[str, float], switched_on: Collection[str] | None = None)
 
 
 def light_time_terms(state: Array, a: Array, station: Array) -> dict[str, float]:
-    """The terms of (30) times c [m], and `acceleration-missing`, which the paper leaves out; arguments as
-    `doppler_terms`.
-    """
+    """The terms of (30) times c [m], and `acceleration-missing`, which the paper leaves out; see `doppler_terms`."""
     r, v = state[:3], state[3:]
     D = r - station
     distance, radius = float(np.linalg.norm(D)), float(np.linalg.norm(r))
@@ -105,8 +97,7 @@ def rigorous_doppler(
 ) -> float:
     """Geometric one-way Doppler [m/s], minus the exact derivative of the range with respect to reception time.
 
-    rate = n.(v(t2) - v0)/(1 + n.v(t2)/c), n from the station to the point of emission; jerk (3,) [m s^-3] where it is
-    known.
+    rate = n.(v(t2) - v0)/(1 + n.v(t2)/c), n from the station to the point of emission; jerk (3,) [m s^-3] if known.
     """
     tau = rigorous_light_time(state, a, station, with_shapiro=False)
     at, v = state[:3] - state[3:] * tau + 0.5 * a * tau**2, state[3:] - a * tau

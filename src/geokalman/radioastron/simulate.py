@@ -1,6 +1,4 @@
-"""The simulated session: a true orbit with forces that no filter knows, and the ranges and range-rates of its
-stations.
-"""
+"""The simulated session: a true orbit with forces that no filter knows, and what its stations measure."""
 
 from __future__ import annotations
 

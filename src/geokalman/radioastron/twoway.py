@@ -20,9 +20,7 @@ _ITERATIONS = 4
 
 @njit(cache=True)
 def station_step(t, itrs, params, out):
-    """GCRS position of a station itrs (3,) at t [s], written to out (3,) [m]; params of
-    `physics.satellite.dynamics`.
-    """
+    """GCRS position of a station itrs (3,) at t [s], written to out (3,) [m]; params of `satellite.dynamics`."""
     R = np.empty((3, 3))
     gcrs_from_itrs_step(t, params, R)
     for i in range(3):

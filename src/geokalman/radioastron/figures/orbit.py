@@ -1,7 +1,4 @@
-"""Figures of the orbit: from two sides, over the ground, above the horizon.
-
-Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
-"""
+"""Figures of the orbit: from two sides, over the ground, above the horizon."""
 
 from __future__ import annotations
 
@@ -13,41 +10,35 @@ from matplotlib.figure import Figure
 
 from geokalman.constants import A_EARTH
 from geokalman.files import natural_earth_dir
+from geokalman.radioastron.figures.drawing import method
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, ink, paper
 
 
 def orbit_view(orbit: Array, arcs: Mapping[str, Array], source: Array) -> Figure:
-    """The orbit (n, 3) [m] in its own plane and seen edge-on; arcs: name -> (k, 3) parts of it; source (3,) unit
-    vector.
+    """The orbit (n, 3) [m] in its own plane and seen edge-on, with arcs: name -> (k, 3) parts of it.
+
+    source (3,): unit vector to the source.
     """
     normal = np.cross(orbit[0], orbit[len(orbit) // 8])
     normal /= np.linalg.norm(normal)
     perigee = orbit[np.argmin(np.linalg.norm(orbit, axis=1))]
     x = perigee / np.linalg.norm(perigee)
     axes = np.array([x, np.cross(normal, x), normal])
+    names = "towards perigee", "along the motion", "out of the plane"
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.6))
-    names = ("ekf", "batch", "prior")
-    for panel, (i, j), labels in zip(
-        panels,
-        ((0, 1), (0, 2)),
-        (("towards perigee", "along the motion"), ("towards perigee", "out of the plane")),
-        strict=True,
-    ):
-        track = orbit @ axes.T / 1e6
-        panel.plot(track[:, i], track[:, j], color=METHODS["exact"].colour, linewidth=0.9)
-        for name, (label, arc) in zip(names, arcs.items(), strict=False):
-            part = arc @ axes.T / 1e6
-            panel.plot(
-                part[:, i], part[:, j], color=METHODS[name].colour, linewidth=4, solid_capstyle="round", label=label
-            )
-        if j == 1:
+    for panel, pair in zip(panels, ([0, 1], [0, 2]), strict=True):
+        panel.plot(*axes[pair] @ orbit.T / 1e6, **method("exact"), linewidth=0.9)
+        for name, (label, arc) in zip(("ekf", "batch", "prior"), arcs.items(), strict=False):
+            panel.plot(*axes[pair] @ arc.T / 1e6, **method(name, label=label), linewidth=4, solid_capstyle="round")
+        if pair[1] == 1:
             panel.add_patch(plt.Circle((0, 0), A_EARTH / 1e6, color=METHODS["exact"].colour, linewidth=0))
         else:
-            panel.plot(0.0, 0.0, marker="o", markersize=4, linestyle="none", color=METHODS["exact"].colour)
-        ray = np.outer([0.0, 150.0], axes @ source)
-        panel.plot(ray[:, i], ray[:, j], color=METHODS["neutral"].colour, linestyle=":", label="to the source")
-        panel.set(xlabel=f"{labels[0]} [1000 km]", ylabel=f"{labels[1]} [1000 km]", aspect="equal")
+            panel.plot(0.0, 0.0, **method("exact", marker="o", linestyle="none"), markersize=4)
+        ray = np.outer(axes[pair] @ source, [0.0, 150.0])
+        panel.plot(*ray, **method("neutral", linestyle=":", label="to the source"))
+        across, up = (f"{names[k]} [1000 km]" for k in pair)
+        panel.set(xlabel=across, ylabel=up, aspect="equal")
     panels[0].set_title("in its plane", loc="left")
     panels[1].set_title("edge-on, the same scale", loc="left")
     panels[1].set(ylim=(-80.0, 80.0))
@@ -66,14 +57,12 @@ def ground_track(longitude: Array, latitude: Array, stations: Mapping[str, tuple
     axes.set_global()
     axes.coastlines(resolution="110m", linewidth=0.5, color=METHODS["exact"].colour)
     jump = np.flatnonzero(np.abs(np.diff(longitude)) > 180) + 1
-    colour = METHODS["ekf"].colour
-    axes.plot(np.insert(longitude, jump, np.nan), np.insert(latitude, jump, np.nan), color=colour, label="spacecraft")
-    axes.plot(longitude[:1], latitude[:1], color=colour, marker="o", linestyle="none", label="where it begins")
+    track = (np.insert(values, jump, np.nan) for values in (longitude, latitude))
+    axes.plot(*track, **method("ekf", label="spacecraft"))
+    axes.plot(longitude[:1], latitude[:1], **method("ekf", marker="o", linestyle="none", label="where it begins"))
     for k, (name, (x, y)) in enumerate(stations.items()):
-        axes.plot(
-            x, y, color=METHODS["prior"].colour, marker="^", markersize=6, linestyle="none",
-            label=None if k else "station",
-        )  # fmt: skip
+        label = None if k else "station"
+        axes.plot(x, y, **method("prior", marker="^", linestyle="none", label=label), markersize=6)
         # neighbours, as Bear Lakes and Evpatoria are, would write over each other on one side
         side = {"xytext": (7, -4)} if k % 2 == 0 else {"xytext": (-7, -4), "ha": "right"}
         axes.annotate(name, (x, y), textcoords="offset points", fontsize=9, **side)
@@ -92,24 +81,10 @@ def elevation(
     """Elevation (n,) [deg] at stations against time [s]; tracking passes and the observation are shaded."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, style in zip(heights, ("ekf", "prior", "batch"), strict=False):
-        axes.plot(t / 3600, heights[name], color=METHODS[style].colour, linestyle=METHODS[style].line, label=name)
-    for k, (begin, end) in enumerate(passes):
-        axes.axvspan(
-            begin / 3600,
-            end / 3600,
-            color=METHODS["neutral"].colour,
-            alpha=0.4,
-            linewidth=0,
-            label="tracking" if k == 0 else None,
-        )
-    axes.axvspan(
-        observation[0] / 3600,
-        observation[1] / 3600,
-        color=METHODS["exact"].colour,
-        alpha=0.3,
-        linewidth=0,
-        label="observation",
-    )
+        axes.plot(t / 3600, heights[name], **method(style, "linestyle", label=name))
+    spans = [(span, "neutral", 0.4, None if k else "tracking") for k, span in enumerate(passes)]
+    for (begin, end), style, alpha, label in [*spans, (observation, "exact", 0.3, "observation")]:
+        axes.axvspan(begin / 3600, end / 3600, **method(style, label=label), alpha=alpha, linewidth=0)
     axes.axhline(5, color=ink(), linewidth=0.8, linestyle=":")
     axes.set(xlabel="UTC [h]", ylabel="elevation [deg]", ylim=(0, 90))
     figure.legend(loc="outside upper center", ncols=5)

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.radioastron.correlator import Plane
-from geokalman.radioastron.figures import plain_logarithm
+from geokalman.radioastron.figures.drawing import band, method, plain_logarithm, two_thirds
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, SEQUENTIAL, ink
 
@@ -25,24 +25,15 @@ def planes(both: Sequence[Plane], titles: Sequence[str], width: tuple[float, flo
     for p, title, name, place in zip(both, titles, ("prior", "ekf"), "bc", strict=True):
         i, j = np.unravel_index(int(p.snr.argmax()), p.snr.shape)
         rows, columns = np.abs(p.rates - p.rates[i]) <= 0.5 * width[0], np.abs(p.delays - p.delays[j]) <= 0.5 * width[1]
-        near = np.abs(p.rates) <= 0.5
-        panels["a"].plot(p.rates[near], p.snr.max(axis=1)[near], color=METHODS[name].colour, linewidth=0.8, label=title)
-        mesh = panels[place].pcolormesh(
-            1e6 * p.delays[columns],
-            p.rates[rows],
-            p.snr[np.ix_(rows, columns)],
-            cmap=SEQUENTIAL,
-            vmin=0,
-            vmax=top,
-            shading="nearest",
-            rasterized=True,
-        )
-        panels[place].set(
-            xlabel="delay [µs]",
-            ylabel="fringe rate [Hz]",
-            title=f"{title}\n{p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs, SNR {p.snr[i, j]:.1f}",
-        )
-        panels[place].grid(False)
+        near, panel = np.abs(p.rates) <= 0.5, panels[place]
+        panels["a"].plot(p.rates[near], p.snr.max(axis=1)[near], **method(name, label=title), linewidth=0.8)
+        mesh = panel.pcolormesh(
+            1e6 * p.delays[columns], p.rates[rows], p.snr[np.ix_(rows, columns)], cmap=SEQUENTIAL, vmin=0, vmax=top,
+            shading="nearest", rasterized=True,
+        )  # fmt: skip
+        peak = f"{p.rates[i]:.2f} Hz, {1e6 * p.delays[j]:.2f} µs, SNR {p.snr[i, j]:.1f}"
+        panel.set(xlabel="delay [µs]", ylabel="fringe rate [Hz]", title=f"{title}\n{peak}")
+        panel.grid(False)
     panels["a"].set(xlabel="fringe rate [Hz]", ylabel="largest amplitude [SNR]")
     panels["a"].legend()
     figure.colorbar(mesh, ax=[panels["b"], panels["c"]], label="amplitude [SNR]")
@@ -65,44 +56,19 @@ def scan_snr(
         values = np.atleast_2d(values).astype(float)
         values[:, list(flagged)] = np.nan
         x = np.arange(1, values.shape[1] + 1)
-        method = METHODS[name]
         if len(values) > 1:
-            seen = ~np.isnan(values).any(axis=0)
-            low, high = np.full((2, len(x)), np.nan)
-            edges = [0.16, 0.84] if len(values) >= 10 else [0.0, 1.0]
-            low[seen], high[seen] = np.quantile(values[:, seen], edges, axis=0)
-            axes.fill_between(x, low, high, where=seen, color=method.colour, alpha=0.25, linewidth=0)
-        middle = np.full(len(x), np.nan)
-        seen = ~np.isnan(values).any(axis=0)
-        middle[seen] = np.median(values[:, seen], axis=0)
-        axes.plot(
-            x,
-            middle,
-            color=method.colour,
-            linestyle=method.line,
-            marker=method.marker,
-            label=(labels or {}).get(name, method.label),
-        )
+            ends = two_thirds(values) if len(values) >= 10 else (values.min(axis=0), values.max(axis=0))
+            band(axes, x, *ends, name, where=~np.isnan(values).any(axis=0))
+        look = method(name, "linestyle", "marker", "label")
+        axes.plot(x, np.median(values, axis=0), **look | {"label": (labels or {}).get(name, look["label"])})
     for k, (name, (low, high)) in enumerate(printed.items()):
-        axes.axhspan(
-            low,
-            high,
-            color=METHODS[name].colour,
-            alpha=0.15,
-            linewidth=0,
-            hatch="//",
-            label=f"printed, {METHODS[name].label}" if k < 2 else None,
-        )
+        label = f"printed, {METHODS[name].label}" if k < 2 else None
+        axes.axhspan(low, high, **method(name, label=label), alpha=0.15, linewidth=0, hatch="//")
     for k in flagged:
         axes.annotate(
-            "no fringe in print",
-            (k + 1, 0.05),
-            xycoords=("data", "axes fraction"),
-            rotation=90,
-            ha="center",
-            va="bottom",
-            fontsize=9,
-        )
+            "no fringe in print", (k + 1, 0.05), xycoords=("data", "axes fraction"), rotation=90, ha="center",
+            va="bottom", fontsize=9,
+        )  # fmt: skip
     axes.set(xlabel="scan", ylabel="SNR")
     axes.set_xticks(x)
     figure.legend(loc="outside upper center", ncols=4)
@@ -113,14 +79,7 @@ def losses(rates: Array, curves: Mapping[str, Array], printed: Sequence[float]) 
     """Coherence (n,) against the residual delay rate [s/s] for several bands; printed: the rates of both orbits."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, (label, values) in zip(("ekf", "prior", "batch", "naive"), curves.items(), strict=False):
-        axes.plot(
-            1e10 * rates,
-            values,
-            color=METHODS[name].colour,
-            linestyle=METHODS[name].line,
-            marker=METHODS[name].marker,
-            label=label,
-        )
+        axes.plot(1e10 * rates, values, **method(name, "linestyle", "marker", label=label))
     for k, value in enumerate(printed):
         axes.axvline(1e10 * value, color=ink(), linestyle=":", linewidth=1.6, label="printed rates" if k == 0 else None)
     axes.set(xlabel="residual delay rate [1e-10 s/s]", ylabel="SNR / SNR without residual", ylim=(0, 1.05))
@@ -131,16 +90,8 @@ def losses(rates: Array, curves: Mapping[str, Array], printed: Sequence[float]) 
 def ratio_histogram(ratios: Array, printed: float, label: str) -> Figure:
     """Ratio of SNR, filter over a-priori orbit, sorted over runs; printed: the paper's."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    x = np.sort(ratios)
-    method = METHODS["ekf"]
-    axes.plot(
-        x,
-        (np.arange(len(x)) + 0.5) / len(x),
-        color=method.colour,
-        marker=method.marker,
-        linestyle="-",
-        label="simulated runs",
-    )
+    share = (np.arange(len(ratios)) + 0.5) / len(ratios)
+    axes.plot(np.sort(ratios), share, **method("ekf", "marker", linestyle="-", label="simulated runs"))
     axes.axvline(printed, color=ink(), linestyle="--", linewidth=0.8, label="printed")
     axes.axhspan(0.16, 0.84, color=METHODS["exact"].colour, alpha=0.15, linewidth=0, label="16 to 84 %")
     axes.set(xscale="log", xlabel=label, ylabel="share of runs below", ylim=(0, 1))
