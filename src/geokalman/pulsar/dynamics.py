@@ -35,6 +35,11 @@ class Force:
     field: Array
     sun: Array
 
+    @property
+    def packed(self) -> Array:
+        """All of it in one vector, as `unpack` takes it."""
+        return np.concatenate([[float(len(self.field))], self.head, self.field, self.sun.ravel()])
+
 
 def j2_force(gravity: GravityField) -> Force:
     """Point mass and J2 of a field: what the paper's filters carry."""
@@ -64,6 +69,13 @@ def rich_force(
         GM_SUN, SOLAR_PRESSURE * REFLECTION,
     ])  # fmt: skip
     return Force(head, pack(gravity), np.ascontiguousarray(sun))
+
+
+@njit(cache=True)
+def unpack(p):
+    """Views head, field and sun of a packed force."""
+    first, last = 1 + SUNLIGHT + 1, 1 + SUNLIGHT + 1 + int(p[0])
+    return p[1:first], p[first:last], p[last:].reshape((p.size - last) // 3, 3)
 
 
 @njit(cache=True, nogil=True)
