@@ -49,8 +49,7 @@ def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
 
 
 def sigmas(estimate: Estimate) -> tuple[Array, Array]:
-    """Standard deviations that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s],
-    (n, 3) each."""
+    """Sigmas that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s], (n, 3) each."""
     R = mars.icrf_from_smci(CENTURIES)
     turned = np.einsum("ij,kjl,il->ki", R, estimate.P[:, :3, :3], R)
     return np.sqrt(turned), np.sqrt(np.diagonal(estimate.P[:, 3:, 3:], axis1=1, axis2=2))
@@ -117,9 +116,8 @@ def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:
     The runs of one seed share their observations: the right statistic for filters whose results are close.
     """
     difference = np.array([a.d3 - b.d3 for a, b in zip(one, other, strict=True)])
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(
-        difference
-    ) > 1 else 0.0
+    error = difference.std(ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(difference.mean()), float(error)
 
 
 def ordered(scores: Mapping[str, Sequence[Score]], names: Sequence[str]) -> bool:

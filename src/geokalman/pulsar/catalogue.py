@@ -27,10 +27,9 @@ class RangingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Pulsar:
-    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, pulse width at half
-    height [s], distance [m].
+    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, width and distance.
 
-    Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
+    width : of the pulse at half height [s]; distance [m]. Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
     """
 
     name: str
@@ -46,27 +45,24 @@ class Pulsar:
         for key in ("ra", "dec", "period", "flux", "pulsed", "width", "distance"):
             if not math.isfinite(getattr(self, key)):
                 raise ValueError(f"{self.name}: {key} = {getattr(self, key)} is not finite.")
-        if not 0.0 <= self.ra < 360.0:
-            raise ValueError(f"{self.name}: right ascension {self.ra:g} deg is outside [0, 360).")
-        if not -90.0 <= self.dec <= 90.0:
-            raise ValueError(f"{self.name}: declination {self.dec:g} deg is outside [-90, 90].")
-        if self.flux <= 0.0 or self.distance <= 0.0 or self.width <= 0.0:
-            raise ValueError(
-                f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} "
-                "must be positive."
-            )
-        if self.period <= self.width:
-            raise ValueError(
-                f"{self.name}: period {self.period:g} s is not longer than the pulse width {self.width:g} s."
-            )
-        if not PARSEC <= self.distance <= 1e8 * PARSEC:
-            raise ValueError(
-                f"{self.name}: distance {self.distance:g} m is {self.distance / PARSEC:.3g} pc, not 1 pc to 100 Mpc."
-            )
-        if self.period > 1e5:
-            raise ValueError(f"{self.name}: period {self.period:g} s is longer than any pulsar's, 1e5 s.")
-        if not 0.0 < self.pulsed <= 1.0:
-            raise ValueError(f"{self.name}: pulsed fraction {self.pulsed:g} is outside (0, 1].")
+        parsecs = self.distance / PARSEC
+        for wrong, why in (
+            (not 0.0 <= self.ra < 360.0, f"right ascension {self.ra:g} deg is outside [0, 360)."),
+            (not -90.0 <= self.dec <= 90.0, f"declination {self.dec:g} deg is outside [-90, 90]."),
+            (
+                min(self.flux, self.distance, self.width) <= 0.0,
+                f"flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} must be positive.",
+            ),
+            (
+                self.period <= self.width,
+                f"period {self.period:g} s is not longer than the pulse width {self.width:g} s.",
+            ),
+            (not 1.0 <= parsecs <= 1e8, f"distance {self.distance:g} m is {parsecs:.3g} pc, not 1 pc to 100 Mpc."),
+            (self.period > 1e5, f"period {self.period:g} s is longer than any pulsar's, 1e5 s."),
+            (not 0.0 < self.pulsed <= 1.0, f"pulsed fraction {self.pulsed:g} is outside (0, 1]."),
+        ):
+            if wrong:
+                raise ValueError(f"{self.name}: {why}")
 
     @property
     def direction(self) -> NDArray[np.float64]:
@@ -94,8 +90,7 @@ def directions(pulsars: Sequence[Pulsar]) -> NDArray[np.float64]:
 
 
 def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The directions (m, 3), unless one is not a unit vector or two are the same: then ValueError with their
-    numbers."""
+    """The directions (m, 3); ValueError, with their numbers, where one is no unit vector or two are the same."""
     vectors = np.asarray(vectors, dtype=float)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ValueError(f"directions have the shape {vectors.shape}; they must be (m, 3).")
@@ -105,9 +100,8 @@ def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     for k in range(len(vectors)):
         for i in range(k):
             if np.abs(vectors[k] - vectors[i]).max() < 1e-12:
-                raise ValueError(
-                    f"directions {i + 1} and {k + 1} are the same pulsar; it gives one observation, not two."
-                )
+                twice = f"directions {i + 1} and {k + 1}"
+                raise ValueError(f"{twice} are the same pulsar; it gives one observation, not two.")
     return vectors
 
 
@@ -138,10 +132,9 @@ def ranging_sigma(
 
 
 def single_epoch_covariance(vectors: NDArray[np.float64], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the axes of the
-    directions (m, 3).
+    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the directions' axes.
 
-    sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
+    vectors (m, 3); sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
     """
     scaled = require_distinct(vectors) / np.asarray(sigmas)[:, None]
     if np.linalg.matrix_rank(scaled * np.min(sigmas), tol=1e-12) < 3:

@@ -20,7 +20,7 @@ from geokalman.kalman.robust import thresholds
 from geokalman.kalman.run import Kind, run as run_filter
 from geokalman.physics.transition import chain_step, check_step, markley_step
 from geokalman.pulsar.dynamics import GM, RADIUS, Force, gradient_point, runge_kutta_step, unpack
-from geokalman.pulsar.model import STEP, Array, Preset
+from geokalman.pulsar.model import STEP, Array, Belief
 from geokalman.pulsar.observations import Observations
 
 KINDS = {
@@ -102,27 +102,27 @@ def run(
     kind: str,
     data: Observations,
     x0: Array,
-    preset: Preset,
+    belief: Belief,
     force: Force,
     tuning: Tuning | None = None,
     P0: Array | None = None,
     R: Array | None = None,
 ) -> Estimate:
-    """Filter the observations from the initial estimate x0 (6,) with the preset's P0 and process noise.
+    """Filter the observations from the initial estimate x0 (6,) with the P0 and process noise of a belief.
 
-    kind : a name of `KINDS`; force : what the filter believes; P0 (6, 6), R (m, m) diagonal : instead of the
-    preset's and the data's.
+    kind : a name of `KINDS`; force : that the filter believes in; P0 (6, 6), R (m, m) diagonal : instead of the
+    belief's and the data's.
     Raises ValueError for an unknown kind and an R that is not diagonal, NotPositiveDefinite for a P0 or R that is no
     covariance, Diverged as `course_of`.
     """
     if kind not in KINDS:
         raise ValueError(f"filter {kind!r} is unknown; the filters are {', '.join(KINDS)}.")
     tuning, hook = tuning or Tuning(), KINDS[kind]
-    prior = Gaussian(array("x0", x0, 6), covariance("P0", preset.P0 if P0 is None else P0, 6))
+    prior = Gaussian(array("x0", x0, 6), covariance("P0", belief.P0 if P0 is None else P0, 6))
     substep = STEP / tuning.substeps
     inner = 1 if tuning.rk_step is None else max(1, int(np.ceil(substep / tuning.rk_step - 1e-9)))
     lengths, which = np.unique(np.diff(data.t, prepend=0.0), return_inverse=True)
-    noise = np.array([preset.process_noise(float(dt)) for dt in lengths])
+    noise = np.array([belief.process_noise(float(dt)) for dt in lengths])
     model = Model(
         f=_propagate, Q=noise[0] if len(noise) == 1 else noise[which], params=np.r_[substep, inner, force.packed]
     )

@@ -10,7 +10,7 @@ import numpy as np
 from geokalman.physics.field import GravityField
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.pulsar.dynamics import Force, orbit_loop, rich_force
-from geokalman.pulsar.model import CLOCK, STEP, TRANSFER, Array, Mission, Preset, all_directions, all_sigmas
+from geokalman.pulsar.model import CLOCK, STEP, TRANSFER, Array, Mission, World, all_directions, all_sigmas
 from geokalman.pulsar.observations import Observations
 
 Bias = Literal["white", "const", "sign", "none"]
@@ -63,7 +63,7 @@ def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Fligh
 def observe(
     flight: Flight,
     mission: Mission,
-    preset: Preset,
+    world: World,
     rng: np.random.Generator,
     outlier_fraction: float = 0.0,
     outlier_size: float = 10.0,
@@ -79,7 +79,7 @@ def observe(
     """
     if not 0.0 <= outlier_fraction <= 1.0:
         raise ValueError(f"outlier_fraction = {outlier_fraction:g} is outside [0, 1].")
-    n, scale = len(flight.t), preset.sigma_scale
+    n, scale = len(flight.t), world.sigma_scale
     directions, sigma = all_directions(), scale * all_sigmas()
     z = flight.x[:, :3] @ directions.T + rng.standard_normal((n, len(sigma))) * sigma
     if bias == "white":

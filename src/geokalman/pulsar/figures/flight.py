@@ -1,8 +1,4 @@
-"""Figures of the flight and of its filters. Plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in
-force.
-
-Those of the timing model, the transition matrix and the photons stand in `signal_figures`.
-"""
+"""Figures of the flight and of its filters."""
 
 from __future__ import annotations
 
@@ -28,8 +24,9 @@ LABELS = {
 }  # fmt: skip
 """Name of a filter -> how it is called in figures and tables."""
 AXES = "XYZ"
-
-
+COLOURS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
+"""Styles of the seven pulsars, in their order."""
+_EPOCH = "epoch k, 500 s apart"
 _WORDS = (
     ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
     ("Huber", "exact"), ("EKF", "ekf"),
@@ -60,19 +57,12 @@ def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", 
     """The orbit over the disc of Mars in three projections; states (n, 6) [m], radius of Mars [m]."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 2.8))
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    disc = radius / 1e3 * np.cos(angle), radius / 1e3 * np.sin(angle)
     for panel, (i, j) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
-        panel.fill(
-            radius / 1e3 * np.cos(angle),
-            radius / 1e3 * np.sin(angle),
-            color=METHODS["aekf1"].colour,
-            alpha=0.3,
-            linewidth=0,
-            label="Mars",
-        )
+        panel.fill(*disc, color=METHODS["aekf1"].colour, alpha=0.3, linewidth=0, label="Mars")
         panel.plot(states[:, i] / 1e3, states[:, j] / 1e3, color=METHODS["truth"].colour, linewidth=0.7, label="orbit")
         panel.set(xlabel=f"{axes[i]} [km]", ylabel=f"{axes[j]} [km]", aspect="equal")
-        panel.set_xticks([-3000, 0, 3000])
-        panel.set_yticks([-3000, 0, 3000])
+        panel.set(xticks=[-3000, 0, 3000], yticks=[-3000, 0, 3000])
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
@@ -80,13 +70,9 @@ def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", 
 def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
     """Ranges along the lines to pulsars, as times of arrival give them; t (n,) [s], z (n, m) [m]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    for k, (name, key) in enumerate(
-        zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)
-    ):
-        style = METHODS[key]
-        axes.plot(
-            t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name
-        )
+    for name, values, key in zip(names, z.T, COLOURS, strict=False):
+        look = {"color": METHODS[key].colour, "linestyle": METHODS[key].line}
+        axes.plot(t / 3600, values / 1e3, **look, linewidth=0.7, marker=".", label=name)
     axes.set(xlabel="time [h]", ylabel="range along the line [km]")
     figure.legend(loc="outside upper center", ncols=4)
     return figure
@@ -101,26 +87,18 @@ def axis_errors(
     zoom > 0 limits the axis to +- zoom; notes stand above the panels on the right; mark: an epoch to draw a line at.
     """
     figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
-    style = METHODS["aekf1"]
-    for j, panel in enumerate(panels):
-        panel.fill_between(
-            epoch,
-            -3 * sigma[:, j],
-            3 * sigma[:, j],
-            color=style.colour,
-            alpha=0.22,
-            linewidth=0,
-            label="±3 sigma of the filter",
-        )
-        panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
+    colour, label = METHODS["aekf1"].colour, "±3 sigma of the filter"
+    for panel, e, s, name, note in zip(panels, error.T, 3 * sigma.T, names, notes, strict=True):
+        panel.fill_between(epoch, -s, s, color=colour, alpha=0.22, linewidth=0, label=label)
+        panel.plot(epoch, e, color=colour, linewidth=0.8, label="estimate minus truth")
         panel.axhline(0.0, color=ink(), linewidth=0.6)
-        panel.set_ylabel(f"{names[j]} [{unit}]")
-        panel.set_title(notes[j], loc="right", fontsize=9)
+        panel.set_ylabel(f"{name} [{unit}]")
+        panel.set_title(note, loc="right", fontsize=9)
         if mark is not None:
             panel.axvline(mark, color=ink(), linewidth=0.9, linestyle=":")
         if zoom:
             panel.set_ylim(-zoom, zoom)
-    panels[-1].set_xlabel("epoch k, 500 s apart")
+    panels[-1].set_xlabel(_EPOCH)
     panels[0].set_title(f"error of {quantity}", loc="left")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
@@ -130,10 +108,9 @@ def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, f
     """NEES/6 against epoch, one line per filter, with the 95 % bounds of a single epoch."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in nees6.items():
-        style = _style(name)
-        axes.semilogy(epoch, values, color=style.colour, linewidth=0.8, label=LABELS.get(name, name))
+        axes.semilogy(epoch, values, color=_style(name).colour, linewidth=0.8, label=LABELS.get(name, name))
     axes.axhspan(*bounds, color=METHODS["ukf"].colour, alpha=0.25, linewidth=0, label="95 % of an honest filter")
-    axes.set(xlabel="epoch k, 500 s apart", ylabel="NEES / 6")
+    axes.set(xlabel=_EPOCH, ylabel="NEES / 6")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
@@ -141,25 +118,13 @@ def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, f
 def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], printed: Sequence[float]) -> Figure:
     """Table 3 as a figure: RMS on X, Y, Z [m] of each filter with its spread over seeds, and the paper's AEKF1."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 3.4), sharey=True)
-    names = list(scores)
+    rows = {"yticks": range(len(scores)), "yticklabels": [LABELS.get(name, name) for name in scores]}
     for j, panel in enumerate(panels):
-        for k, name in enumerate(names):
-            panel.errorbar(
-                scores[name][j],
-                k,
-                xerr=spreads[name][j],
-                color=_style(name).colour,
-                marker=_style(name).marker or "o",
-                markersize=6,
-                capsize=3,
-            )
+        for k, (name, values) in enumerate(scores.items()):
+            look = {"color": _style(name).colour, "marker": _style(name).marker or "o"}
+            panel.errorbar(values[j], k, xerr=spreads[name][j], **look, markersize=6, capsize=3)
         panel.axvline(printed[j], color=ink(), linewidth=0.9, linestyle="--", label=f"paper, AEKF1: {printed[j]:g} m")
-        panel.set(
-            xlabel=f"RMS error in {AXES[j]} [m]",
-            xscale="log",
-            yticks=range(len(names)),
-            yticklabels=[LABELS.get(n, n) for n in names],
-        )
+        panel.set(xlabel=f"RMS error in {AXES[j]} [m]", xscale="log", **rows)
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
         _round_ticks(panel.xaxis, *panel.get_xlim(), room=4)
     panels[0].invert_yaxis()
@@ -176,26 +141,17 @@ def seed_strip(
     """
     figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
     for k, (label, row) in enumerate(values.items()):
-        style = _style(label)
-        if not len(row):
-            continue
-        axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
-        axes.plot(
-            np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
-        )
+        if len(row):
+            look = {"color": _style(label).colour, "linestyle": "none"}
+            axes.plot(row, np.full(len(row), k), **look, marker="|", markersize=9, alpha=0.8)
+            axes.plot(np.mean(row), k, **look, marker="D", markersize=6, markeredgecolor=ink())
+    beside = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2), "fontsize": 8}
     for text, x in (marks or {}).items():
         axes.axvline(x, color=ink(), linewidth=0.8, linestyle="--")
-        axes.annotate(
-            text, (x, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(3, 2), fontsize=8
-        )
-    axes.set(
-        xlabel=xlabel,
-        yticks=range(len(values)),
-        yticklabels=[
-            LABELS.get(n, n) + (f" ({stopped[n]} stopped)" if stopped and stopped.get(n) else "") for n in values
-        ],
-        ylim=(len(values) - 0.5, -0.5),
-    )
+        axes.annotate(text, (x, 1.0), **beside)
+    told = {label: f" ({count} stopped)" for label, count in (stopped or {}).items() if count}
+    names = [LABELS.get(label, label) + told.get(label, "") for label in values]
+    axes.set(xlabel=xlabel, yticks=range(len(values)), yticklabels=names, ylim=(len(values) - 0.5, -0.5))
     if log:
         axes.set_xscale("log")
         _round_ticks(axes.xaxis, *axes.get_xlim())
@@ -223,14 +179,12 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
 def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
     """3-D RMS [m] and NIS/7 of the EKF against the position part of its process noise [m]; the dots: least error."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
-    style = METHODS["ekf"]
-    left.loglog(q, d3, color=style.colour, marker=style.marker)
-    left.set(xlabel="process noise of position in 500 s [m]", ylabel="3-D RMS error [m]")
+    for axes, values, ylabel in ((left, d3, "3-D RMS error [m]"), (right, nis, "NIS / 7")):
+        axes.loglog(q, values, color=METHODS["ekf"].colour, marker=METHODS["ekf"].marker)
+        axes.set(xlabel="process noise of position in 500 s [m]", ylabel=ylabel)
     left.set_title(f"least error {d3.min():.0f} m, at {q[d3.argmin()]:g} m", loc="left")
     _round_ticks(left.yaxis, *left.get_ylim())
-    right.loglog(q, nis, color=style.colour, marker=style.marker)
     right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
-    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS / 7")
     for axes in (left, right):
         axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":", label="least error")
     right.legend()
@@ -242,6 +196,6 @@ def smoothing(epoch: Array, filtered: Array, smoothed: Array, ylabel: str) -> Fi
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values in (("ekf", filtered), ("rts", smoothed)):
         axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=METHODS[name].label)
-    axes.set(xlabel="epoch k, 500 s apart", ylabel=ylabel)
+    axes.set(xlabel=_EPOCH, ylabel=ylabel)
     axes.legend(ncols=2)
     return figure

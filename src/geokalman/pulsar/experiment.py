@@ -1,4 +1,4 @@
-"""Monte Carlo: the same flight observed with many seeds, each time by the same filters."""
+"""Experiments: the same flight observed with many seeds, each time by the same filters."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from geokalman.physics.field import GravityField
 from geokalman.pulsar import accelerations, assess, estimate, simulate
 from geokalman.pulsar.assess import Score
 from geokalman.pulsar.dynamics import Force, j2_force
-from geokalman.pulsar.estimate import Diverged, Tuning
-from geokalman.pulsar.model import Array, Mission, Preset
+from geokalman.pulsar.estimate import Diverged, Estimate, Tuning
+from geokalman.pulsar.model import Array, Belief, Mission, Preset
+from geokalman.pulsar.observations import Observations
 from geokalman.pulsar.simulate import Flight
 
 
 @dataclass(frozen=True)
 class Method:
-    """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
+    """One filter of an experiment: its kind, and where it differs from the experiment's tuning, belief, force, data.
 
     smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
     these alone; r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three
@@ -32,7 +33,7 @@ class Method:
 
     kind: str
     tuning: Tuning | None = None
-    preset: Preset | None = None
+    belief: Belief | None = None
     force: Force | None = None
     smoothed: bool = False
     order: tuple[int, ...] = ()
@@ -60,54 +61,46 @@ class Experiment:
     first: int = assess.SETTLED
 
     def __call__(self, rng: np.random.Generator) -> dict[str, Score | Diverged]:
-        data = simulate.observe(
-            self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias
-        )
+        data = self.observe(rng)
         return {label: self._score(method, data) for label, method in self.methods.items()}
 
-    def _score(self, method: Method, data: simulate.Observations) -> Score | Diverged:
+    def _score(self, method: Method, data: Observations) -> Score | Diverged:
         try:
             return assess.score(self.estimate(method, data), self.flight, self.first)
         except Diverged as stopped:
             return stopped.with_traceback(None)
 
-    def estimate(self, method: Method, data: simulate.Observations) -> estimate.Estimate:
+    def observe(self, rng: np.random.Generator) -> Observations:
+        """The observations of one seed."""
+        options = self.outlier_fraction, self.outlier_size, self.bias
+        return simulate.observe(self.flight, self.mission, self.preset.world, rng, *options)
+
+    def estimate(self, method: Method, data: Observations) -> Estimate:
         """What a method makes of the observations. Raises Diverged."""
         if method.pulsars:
             keep = [self.mission.columns.index(k - 1) for k in method.pulsars]
-            data = replace(
-                data,
-                z=np.ascontiguousarray(data.z[:, keep]),
-                H=np.ascontiguousarray(data.H[keep]),
-                variance=data.variance[keep],
-            )
+            data = replace(data, z=data.z[:, keep], H=data.H[keep], variance=data.variance[keep])
         if method.order:
             data = simulate.one_at_a_time(data, list(method.order), self.mission.columns)
-        preset = method.preset or self.preset
+        belief, force = method.belief or self.preset.belief, method.force or self.force
         if method.empirical:
-            return accelerations.run(data, self.start(), preset.P0, method.force or self.force, *method.empirical)
-        result = estimate.run(
-            method.kind, data, self.start(), preset, method.force or self.force, method.tuning or self.tuning,
-            R=np.diag(method.r_factor * data.variance),
-        )  # fmt: skip
+            return accelerations.run(data, self.start(), belief.P0, force, *method.empirical)
+        R = np.diag(method.r_factor * data.variance)
+        result = estimate.run(method.kind, data, self.start(), belief, force, method.tuning or self.tuning, R=R)
         return estimate.smooth(result) if method.smoothed else result
 
     def start(self) -> Array:
-        """Initial estimate (6,): the truth plus the preset's initial error on every component."""
-        return self.flight.x0 + np.repeat(self.preset.error, 3)
+        """Initial estimate (6,): the truth plus the world's initial error on every component."""
+        return self.flight.x0 + np.repeat(self.preset.world.error, 3)
 
 
-def experiment(
-    mission: Mission,
-    preset: Preset,
-    gravity: GravityField,
-    methods: Mapping[str, Method],
-    tuning: Tuning | None = None,
-    **options,
-) -> Experiment:
+def prepare(
+    mission: Mission, preset: Preset, gravity: GravityField, methods: Mapping[str, Method],
+    tuning: Tuning | None = None, **options,
+) -> Experiment:  # fmt: skip
     """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of
     `Experiment`."""
-    flight = simulate.fly(mission, gravity, preset.mismatch)
+    flight = simulate.fly(mission, gravity, preset.world.mismatch)
     return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
 
 
@@ -122,8 +115,7 @@ def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> d
 
 
 def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | Diverged]]:
-    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and
-    spread."""
+    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean."""
     seeds = list(seeds)
     if len(set(seeds)) < len(seeds):
         twice = next(s for s in seeds if seeds.count(s) > 1)
@@ -135,18 +127,14 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
         tell(next(count) / len(seeds))
         return result
 
-    if workers == 1:
-        results = monte_carlo(counted, seeds)
-    else:
-        with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
-            results = monte_carlo(counted, seeds, pool)
+    with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
+        results = monte_carlo(counted, seeds, pool if workers > 1 else None)
     return {label: [result[label] for result in results] for label in trial.methods}
 
 
 def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int = 3) -> float:
     """Processor time of a method per epoch [us], the least of `repeat` calls after one that compiles; never a gate."""
-    data = simulate.observe(trial.flight, trial.mission, trial.preset, np.random.default_rng(seed))
-    times = []
+    data, times = trial.observe(np.random.default_rng(seed)), []
     for _ in range(repeat + 1):
         begun = time.process_time()
         trial.estimate(method, data)
@@ -163,13 +151,12 @@ def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
     methods = {}
     for name in filters:
         if name == "ekf_tuned":
-            methods[name] = Method("ekf", preset=preset.with_tuned_noise())
+            methods[name] = Method("ekf", belief=preset.tuned_belief())
         elif name == "rts":
             methods[name] = Method("ekf", smoothed=True)
         elif name in estimate.KINDS:
             methods[name] = Method(name)
         else:
-            raise ValueError(
-                f"filter {name!r} is unknown; give some of {', '.join([*estimate.KINDS, 'rts', 'ekf_tuned'])}."
-            )
+            known = ", ".join([*estimate.KINDS, "rts", "ekf_tuned"])
+            raise ValueError(f"filter {name!r} is unknown; give some of {known}.")
     return methods
