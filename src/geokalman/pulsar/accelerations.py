@@ -16,7 +16,7 @@ from geokalman.kalman.gaussian import Gaussian
 from geokalman.kalman.linear import predict_step
 from geokalman.kalman.model import PROPAGATE, Model
 from geokalman.physics.transition import chain_step, markley_step
-from geokalman.pulsar.dynamics import Force, force_point, gradient_point, unpack
+from geokalman.pulsar.dynamics import Force, gradient_point, runge_kutta_step, unpack
 from geokalman.pulsar.estimate import Estimate, filtered
 from geokalman.pulsar.model import STEP, Array
 from geokalman.pulsar.observations import Observations
@@ -35,14 +35,9 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     Raises ValueError for sigma or tau not positive and for gaps, Diverged as `estimate.filtered`.
     """
     if not (sigma > 0.0 and tau > 0.0):
-        raise ValueError(
-            f"sigma = {sigma:g} m/s^2 and tau = {tau:g} s of the empirical accelerations must be positive."
-        )
+        raise ValueError(f"sigma = {sigma:g} m/s^2, tau = {tau:g} s of empirical accelerations must be positive.")
     if np.isnan(data.z).any() or not np.allclose(np.diff(data.t, prepend=0.0), STEP):
-        raise ValueError(
-            f"the filter with empirical accelerations takes epochs {STEP:g} s apart without gaps; "
-            "use estimate.run for others."
-        )
+        raise ValueError(f"empirical accelerations take epochs {STEP:g} s apart without gaps; use estimate.run else.")
     F = np.kron([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0 / tau]], np.eye(3))
     W = np.kron(np.diag([0.0, 0.0, 2.0 * sigma**2 / tau]), np.eye(3))
     drift, noise = van_loan(F, W, STEP / STEPS)
@@ -53,39 +48,23 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
     return filtered(data, Gaussian(np.r_[x0, np.zeros(3)], block_diag(P0, sigma**2 * np.eye(3))), model, force)
 
 
-@njit(cache=True)
-def _runge_kutta_step(t, y, h, tau, head, field, sun, k, stage):
-    for s in range(4):
-        reach = 0.0 if s == 0 else (h if s == 3 else 0.5 * h)
-        for j in range(9):
-            stage[j] = y[j] + (reach * k[s - 1, j] if s > 0 else 0.0)
-        force_point(t + reach, stage[:3], head, field, sun, k[s, 3:6])
-        for j in range(3):
-            k[s, j] = stage[3 + j]
-            k[s, 3 + j] += stage[6 + j]
-            k[s, 6 + j] = -stage[6 + j] / tau
-    for j in range(9):
-        y[j] += h / 6.0 * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j])
-
-
 @njit(PROPAGATE, cache=True)
 def _propagate(t0, t1, x, u, p, x_out, F, Q):
-    """Motion with the parameters tau, drift and noise of a substep, and the force; adds the noise of all substeps to
-    Q."""
+    """Motion with the parameters tau, drift and noise of a substep, and the force; Q grows by the substeps' noise."""
     tau, factor, added = p[0], p[1:82].copy().reshape(9, 9), p[82:163].reshape(9, 9)
     head, field, sun = unpack(p[163:])
     G, short, noise, before = np.empty((2, 3, 3)), np.empty((6, 6)), np.zeros((9, 9)), np.empty((9, 9))
-    k, stage, h = np.empty((4, 9)), np.empty(9), (t1 - t0) / STEPS
+    work, h = np.empty((3, 9)), (t1 - t0) / STEPS
     x_out[:] = x
     F[:] = np.eye(9)
     gradient_point(x_out[:3], head, G[0])
     for i in range(STEPS):
-        _runge_kutta_step(t0 + i * h, x_out, h, tau, head, field, sun, k, stage)
+        runge_kutta_step(t0 + i * h, x_out, h, head, field, sun, work, tau)
         gradient_point(x_out[:3], head, G[(i + 1) % 2])
         markley_step(G[i % 2], G[(i + 1) % 2], h, short)
         factor[:6, :6] = short
         before[:] = noise
-        predict_step(x_out, before, factor, added, stage, noise)
+        predict_step(x_out, before, factor, added, work[0], noise)
         chain_step(factor, F)
     Q += noise
     return 0 if np.isfinite(x_out).all() else 1

@@ -27,9 +27,10 @@ class RangingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Pulsar:
-    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, width and distance.
+    """One pulsar: position [deg], period [s], flux [photon cm^-2 s^-1], pulsed fraction, width [s], distance [m].
 
-    width : of the pulse at half height [s]; distance [m]. Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
+    ra, dec : ICRS; width : of the pulse at half height.
+    Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
     """
 
     name: str
@@ -122,12 +123,9 @@ def ranging_sigma(
     noise = (background + pulsar.flux * (1.0 - pulsar.pulsed)) * area * duration * pulsar.width / pulsar.period
     sigma = C_LIGHT * pulsar.width / (2.0 * signal / math.sqrt(noise + signal))
     if not 1.0 <= sigma <= 1e5:
-        warnings.warn(
-            f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; "
-            f"area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1",
-            RangingWarning,
-            stacklevel=2,
-        )
+        hint = f"area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1"
+        text = f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; {hint}"
+        warnings.warn(text, RangingWarning, stacklevel=2)
     return sigma
 
 

@@ -28,8 +28,7 @@ GM, RADIUS, J2, LAMBDA, W0, OMEGA, SUN_GM, SUNLIGHT = range(8)
 
 @dataclass(frozen=True)
 class Force:
-    """Packed arrays of the force: head (constants by the names above), field (for `acceleration_point`), sun (n, 3)
-    [m]."""
+    """The force as arrays: head (constants by the names above), field (for `acceleration_point`), sun (n, 3) [m]."""
 
     head: Array
     field: Array
@@ -59,16 +58,13 @@ def rich_force(
         raise ValueError(f"mismatch lambda = {mismatch:g} must be finite and not negative.")
     if mismatch == 0.0:
         return j2_force(gravity)
-    ephemeris = ephemeris or load_ephemeris()
-    hours = np.arange(int(np.ceil(mission.days * DAY / SUN_STEP)) + 2)
-    sun = ephemeris.position("sun", mission.orbit.epoch, SUN_STEP * hours, centre="mars") @ mars.icrf_from_smci(
-        CENTURIES
-    )
+    seconds = SUN_STEP * np.arange(int(np.ceil(mission.days * DAY / SUN_STEP)) + 2)
+    sun = (ephemeris or load_ephemeris()).position("sun", mission.orbit.epoch, seconds, centre="mars")
     head = np.array([
         gravity.gm, gravity.radius, mars.j2(gravity), mismatch, mars.prime_meridian(mission.orbit.epoch), mars.OMEGA,
         GM_SUN, SOLAR_PRESSURE * REFLECTION,
     ])  # fmt: skip
-    return Force(head, pack(gravity), np.ascontiguousarray(sun))
+    return Force(head, pack(gravity), np.ascontiguousarray(sun @ mars.icrf_from_smci(CENTURIES)))
 
 
 @njit(cache=True)
@@ -105,23 +101,25 @@ def force_point(t, r, head, field, sun, out):
 
 
 @njit(cache=True, nogil=True)
-def runge_kutta_step(t, y, h, head, field, sun, work):
-    """One step of the classical Runge-Kutta method for y = [r, v] (6,), in place; work (5, 6) is scratch."""
-    stage, total = work[0], work[1]
-    k = work[2]
-    for j in range(6):
-        stage[j] = y[j]
-        total[j] = 0.0
+def runge_kutta_step(t, y, h, head, field, sun, work, tau=np.inf):
+    """One step of the classical Runge-Kutta method for y = [r, v] (6,) in place, or [r, v, a] (9,): an acceleration
+    beside the force that decays with tau [s]. work (3, y.size) is scratch."""
+    stage, total, k = work[0], work[1], work[2]
+    stage[:] = y
+    total[:] = 0.0
     for s in range(4):
-        force_point(t + (0.0 if s == 0 else (h if s == 3 else 0.5 * h)), stage[:3], head, field, sun, k[3:])
+        force_point(t + (0.0 if s == 0 else (h if s == 3 else 0.5 * h)), stage[:3], head, field, sun, k[3:6])
         for j in range(3):
             k[j] = stage[3 + j]
+        for j in range(6, y.size):
+            k[j - 3] += stage[j]
+            k[j] = -stage[j] / tau
         weight = 1.0 if s == 0 or s == 3 else 2.0
         reach = h if s == 2 else 0.5 * h
-        for j in range(6):
+        for j in range(y.size):
             total[j] += weight * k[j]
             stage[j] = y[j] + reach * k[j]
-    for j in range(6):
+    for j in range(y.size):
         y[j] += h / 6.0 * total[j]
 
 
@@ -137,7 +135,7 @@ def orbit_loop(y0, t, steps, head, field, sun, out):
 
     Returns -1, or the row where the orbit met Mars or stopped being finite.
     """
-    y, work = y0.copy(), np.empty((5, 6))
+    y, work = y0.copy(), np.empty((3, 6))
     now = 0.0
     for i in range(t.size):
         h = (t[i] - now) / steps

@@ -46,8 +46,7 @@ class Diverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class Tuning:
-    """How a filter computes: thresholds k0, k1 of the factors and weights, floor of the factor, substeps,
-    Runge-Kutta step.
+    """How a filter computes: thresholds k0, k1 of factors and weights, floor of the factor, and its steps.
 
     substeps : of the transition matrix in 500 s; rk_step : longest step of the state [s], None for one Runge-Kutta
     step a substep.
@@ -65,10 +64,7 @@ class Tuning:
     def __post_init__(self) -> None:
         thresholds(self.k0, self.k1)
         if not 0.0 < self.floor <= 1.0:
-            raise ValueError(
-                f"floor = {self.floor:g} of the adaptive factor must be above 0 "
-                "(velocity is not observed in one epoch) and at most 1."
-            )
+            raise ValueError(f"floor = {self.floor:g} of the adaptive factor must be above 0 and at most 1.")
         if self.substeps < 1:
             raise ValueError(f"substeps = {self.substeps} must be at least 1.")
         if self.rk_step is not None and not 0.0 < self.rk_step <= STEP:
@@ -78,8 +74,7 @@ class Tuning:
 
 @dataclass(frozen=True)
 class Estimate:
-    """States x (n, 6) [m, m/s] with covariances P (n, 6, 6) at the times t (n,) [s], and what the filter thought of
-    them.
+    """States x (n, 6) [m, m/s] with covariances P (n, 6, 6) at t (n,) [s], and what the filter thought of them.
 
     alpha (n,) adaptive factors; weights (n, m) of the observations, NaN where missing; nis (n,) normalised
     innovation squared, with S of the prediction before any adaptation, and observed (n,) how many ranges it counts;
@@ -99,21 +94,15 @@ class Estimate:
 
 
 def run(
-    kind: str,
-    data: Observations,
-    x0: Array,
-    belief: Belief,
-    force: Force,
-    tuning: Tuning | None = None,
-    P0: Array | None = None,
-    R: Array | None = None,
-) -> Estimate:
+    kind: str, data: Observations, x0: Array, belief: Belief, force: Force, tuning: Tuning | None = None,
+    P0: Array | None = None, R: Array | None = None,
+) -> Estimate:  # fmt: skip
     """Filter the observations from the initial estimate x0 (6,) with the P0 and process noise of a belief.
 
     kind : a name of `KINDS`; force : that the filter believes in; P0 (6, 6), R (m, m) diagonal : instead of the
     belief's and the data's.
     Raises ValueError for an unknown kind and an R that is not diagonal, NotPositiveDefinite for a P0 or R that is no
-    covariance, Diverged as `course_of`.
+    covariance, Diverged as `filtered`.
     """
     if kind not in KINDS:
         raise ValueError(f"filter {kind!r} is unknown; the filters are {', '.join(KINDS)}.")
@@ -123,18 +112,15 @@ def run(
     inner = 1 if tuning.rk_step is None else max(1, int(np.ceil(substep / tuning.rk_step - 1e-9)))
     lengths, which = np.unique(np.diff(data.t, prepend=0.0), return_inverse=True)
     noise = np.array([belief.process_noise(float(dt)) for dt in lengths])
-    model = Model(
-        f=_propagate, Q=noise[0] if len(noise) == 1 else noise[which], params=np.r_[substep, inner, force.packed]
-    )
-    return filtered(
-        data, prior, model, force, R, "unscented" if kind == "ukf" else "extended",
-        None if hook is None else Adaptive(by=hook, k0=tuning.k0, k1=tuning.k1, floor=tuning.floor),
-    )  # fmt: skip
+    Q = noise[0] if len(noise) == 1 else noise[which]
+    model = Model(f=_propagate, Q=Q, params=np.r_[substep, inner, force.packed])
+    adaptive = Adaptive(by=hook, k0=tuning.k0, k1=tuning.k1, floor=tuning.floor) if hook else None
+    return filtered(data, prior, model, force, R, "unscented" if kind == "ukf" else "extended", adaptive)
 
 
 def filtered(
     data: Observations, prior: Gaussian, model: Model, force: Force, R: Array | None = None, kind: Kind = "extended",
-    hook: Adaptive | None = None,
+    adaptive: Adaptive | None = None,
 ) -> Estimate:  # fmt: skip
     """Filter with a model whose state begins with [r, v]; prior at t = 0, R (m, m) diagonal, else the data's.
 
@@ -150,9 +136,8 @@ def filtered(
     H = np.pad(data.H, ((0, 0), (0, len(prior.mean) - 3)))
     sensor = Sensor(np.vstack([np.full(m, np.nan), data.z]), R, H=H, sequential=False)
     try:
-        course = run_filter(
-            prior, np.r_[0.0, data.t], model, [sensor], kind, alpha=1.0, beta=0.0, kappa=-3.0, adaptive=hook
-        )
+        spread = {"alpha": 1.0, "beta": 0.0, "kappa": -3.0}
+        course = run_filter(prior, np.r_[0.0, data.t], model, [sensor], kind, **spread, adaptive=adaptive)
     except (NotPositiveDefinite, Stopped) as error:
         if error.course is None:
             raise
@@ -160,8 +145,8 @@ def filtered(
         next_epoch = getattr(error, "matrix", "") == "filtered covariance"  # whose prediction was to begin there
         raise Diverged(error.epoch + next_epoch, "its covariance lost its root") from None
     _require_orbit(course, data, force)
-    alpha = np.ones(len(data.t)) if hook is None else course.alpha[1:]
-    weights = np.where(np.isnan(data.z), np.nan, 1.0) if hook is None else course.weights[1:]
+    alpha = course.alpha[1:] if adaptive else np.ones(len(data.t))
+    weights = course.weights[1:] if adaptive else np.where(np.isnan(data.z), np.nan, 1.0)
     skipped = np.isnan(alpha)
     return Estimate(
         data.t, course.mean[1:, :6], course.cov[1:, :6, :6], np.where(skipped, 1.0, alpha), weights,
@@ -204,7 +189,7 @@ def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
     seconds, `inner` Runge-Kutta steps in each."""
     count = max(1, int(np.ceil(dt / substep - 1e-9)))
     h = dt / count
-    work, factor, G = np.empty((5, 6)), np.empty((6, 6)), np.empty((2, 3, 3))
+    work, factor, G = np.empty((3, 6)), np.empty((6, 6)), np.empty((2, 3, 3))
     x_out[:] = x
     if Phi.size:
         Phi[:] = np.eye(6)

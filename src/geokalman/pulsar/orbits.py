@@ -52,10 +52,8 @@ class SatelliteOrbit:
                 " to ".join(f"{self.jd - clock.MJD_ZERO + x / 86400.0:.5f}" for x in ends)
                 for ends in ((self.t[0], self.t[-1]), (at.min(), at.max()))
             )
-            raise ValueError(
-                f"{self.name}: the records cover MJD {orbit}, the events MJD {events}; "
-                "give the orbit file of their day."
-            )
+            covered = f"{self.name}: the records cover MJD {orbit}"
+            raise ValueError(f"{covered}, the events MJD {events}; give the orbit file of their day.")
         step = np.diff(self.t)
         radius = _norm(self.r)
         error = step**4 / 384.0 * GM_EARTH**2 / np.minimum(radius[1:], radius[:-1]) ** 5
@@ -84,10 +82,8 @@ def read_orbit(path: str | os.PathLike) -> SatelliteOrbit:
         for time, positions, speeds in _LAYOUTS:
             if time in table.columns and all(name in table.columns for name in positions):
                 return _orbit(table, time, positions, speeds)
-    raise FitsError(
-        f"{path} has no table with Time, X, Y, Z, Vx, Vy, Vz (or POSITION and VELOCITY, or SC_POSITION); "
-        "give an orbit file."
-    )
+    columns = "Time, X, Y, Z, Vx, Vy, Vz (or POSITION and VELOCITY, or SC_POSITION)"
+    raise FitsError(f"{path} has no table with {columns}; give an orbit file.")
 
 
 def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[str, ...]) -> SatelliteOrbit:
@@ -190,19 +186,15 @@ def _misfit(t: Array, r: Array, v: Array | None) -> tuple[Array, Array, Array]:
 
 
 def _check_motion(header: Header, t: Array, r: Array, v: Array | None, rows: Array) -> None:
-    """FitsError where records (n) are not those of an orbit about the Earth in inertial axes; rows (n,) are their
-    numbers."""
+    """FitsError where records (n), of these rows, are not those of an orbit about the Earth in inertial axes."""
     moved, turned, worst = _misfit(t, r, v)
     if moved.size and np.median(moved) > 0.05:
         speed, chord = np.median(_norm(v)), np.median(_norm(np.diff(r, axis=0)) / np.diff(t))
-        raise header.error(
-            f"the velocities are {speed:.4g} m/s, but the positions move otherwise, by {chord:.4g} m/s; check units."
-        )
+        moving = f"the positions move otherwise, by {chord:.4g} m/s"
+        raise header.error(f"the velocities are {speed:.4g} m/s, but {moving}; check units.")
     if turned.size and np.median(turned) > 0.05:
-        raise header.error(
-            f"the acceleration differs by {np.median(turned):.0%} from the Earth's gravity; are the axes Earth-fixed, "
-            "or the times in another unit?"
-        )
+        differs = f"the acceleration differs by {np.median(turned):.0%} from the Earth's gravity"
+        raise header.error(f"{differs}; are the axes Earth-fixed, or the times in another unit?")
     k = int(worst.argmax())
     if worst[k] <= 1.0:
         return

@@ -34,9 +34,8 @@ def initial_state(mission: Mission, gravity: GravityField) -> Array:
     """
     orbit = mission.orbit
     if orbit.a * (1.0 - orbit.e) <= gravity.radius:
-        raise ValueError(
-            f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {gravity.radius / 1e3:g} km."
-        )
+        radius = gravity.radius / 1e3
+        raise ValueError(f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {radius:g} km.")
     return kepler_to_state(orbit[:6], gravity.gm)
 
 
@@ -51,8 +50,7 @@ def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: fl
 
 
 def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
-    """The orbit from x0 at t = 0 in a given force, at times t (n,) [s] up to STEP apart, in Runge-Kutta steps of at
-    most `step`."""
+    """The orbit from x0 at t = 0 in a force, at t (n,) [s] up to STEP apart, in Runge-Kutta steps of at most `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
@@ -61,14 +59,9 @@ def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Fligh
 
 
 def observe(
-    flight: Flight,
-    mission: Mission,
-    world: World,
-    rng: np.random.Generator,
-    outlier_fraction: float = 0.0,
-    outlier_size: float = 10.0,
-    bias: Bias = "white",
-) -> Observations:
+    flight: Flight, mission: Mission, world: World, rng: np.random.Generator, outlier_fraction: float = 0.0,
+    outlier_size: float = 10.0, bias: Bias = "white",
+) -> Observations:  # fmt: skip
     """Ranges along the lines to the pulsars (11) with the errors of the experiment.
 
     The draws are those of all seven pulsars, whatever is observed, in this order: range noise (n, 7); transfer
@@ -97,17 +90,15 @@ def observe(
 
 
 def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> Observations:
-    """The observations that one detector makes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the
-    rest is NaN.
+    """What one detector observes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the rest is NaN.
 
     order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar
     that is not there.
     """
     missing = [k for k in order if k - 1 not in columns]
     if missing or not order:
-        raise ValueError(
-            f"order = {order}: pulsars {missing} are not observed; give some of {[c + 1 for c in columns]}."
-        )
+        there = [c + 1 for c in columns]
+        raise ValueError(f"order = {order}: pulsars {missing} are not observed; give some of {there}.")
     z = np.full_like(data.z, np.nan)
     rows = np.arange(len(z))
     seen = np.array([columns.index(k - 1) for k in order])[rows % len(order)]
