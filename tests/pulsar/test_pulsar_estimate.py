@@ -260,6 +260,11 @@ def test_a_lost_orbit_stops_the_filter_with_its_epoch(day):
         estimate.run("ekf", day.data, fast, preset("B").belief, day.force)
     with pytest.raises(Diverged, match="position sigma"):
         estimate.run("ekf", day.data, day.flight.x0, preset("B").belief, day.force, P0=1e16 * np.eye(6))
+    with pytest.raises(Diverged, match="k = 1: its covariance lost its root"):
+        estimate.run("ukf", day.data, day.flight.x0, preset("B").belief, day.force, P0=np.zeros((6, 6)))
+    endless = np.r_[day.flight.x0[:3], np.full(3, 1e306)]
+    with pytest.raises(Diverged, match="k = 1: its state is not finite"):
+        estimate.run("ekf", day.data, endless, preset("B").belief, day.force)
     z = day.data.z.copy()
     z[4, 2] += 3e7
     with pytest.raises(Diverged, match="k = 5: an innovation"):

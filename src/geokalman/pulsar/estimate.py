@@ -142,8 +142,10 @@ def filtered(
         if error.course is None:
             raise
         _require_orbit(error.course, data, force)
-        next_epoch = getattr(error, "matrix", "") == "filtered covariance"  # whose prediction was to begin there
-        raise Diverged(error.epoch + next_epoch, "its covariance lost its root") from None
+        if isinstance(error, Stopped):
+            raise Diverged(error.epoch, "its state is not finite") from None
+        later = error.matrix == "filtered covariance"  # sigma points of the next epoch were to be drawn from it
+        raise Diverged(error.epoch + later, "its covariance lost its root") from None
     _require_orbit(course, data, force)
     alpha = course.alpha[1:] if adaptive else np.ones(len(data.t))
     weights = course.weights[1:] if adaptive else np.where(np.isnan(data.z), np.nan, 1.0)
