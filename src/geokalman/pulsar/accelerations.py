@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.linalg import block_diag
 
+from geokalman.kalman.dense import copy_state
 from geokalman.kalman.discretise import van_loan
 from geokalman.kalman.gaussian import Gaussian
 from geokalman.kalman.linear import predict_step
@@ -53,18 +54,18 @@ def _propagate(t0, t1, x, u, p, x_out, F, Q):
     """Motion with the parameters tau, drift and noise of a substep, and the force; Q grows by the substeps' noise."""
     tau, factor, added = p[0], p[1:82].copy().reshape(9, 9), p[82:163].reshape(9, 9)
     head, field, sun = unpack(p[163:])
-    G, short, noise, before = np.empty((2, 3, 3)), np.empty((6, 6)), np.zeros((9, 9)), np.empty((9, 9))
-    work, h = np.empty((3, 9)), (t1 - t0) / STEPS
-    x_out[:] = x
-    F[:] = np.eye(9)
+    G, work, h = np.empty((2, 3, 3)), np.empty((3, 9)), (t1 - t0) / STEPS
+    noise, before = np.zeros((9, 9)), np.empty((9, 9))
+    copy_state(x, np.eye(9), x_out, F)
     gradient_point(x_out[:3], head, G[0])
     for i in range(STEPS):
         runge_kutta_step(t0 + i * h, x_out, h, head, field, sun, work, tau)
         gradient_point(x_out[:3], head, G[(i + 1) % 2])
-        markley_step(G[i % 2], G[(i + 1) % 2], h, short)
-        factor[:6, :6] = short
-        before[:] = noise
-        predict_step(x_out, before, factor, added, work[0], noise)
+        markley_step(G[i % 2], G[(i + 1) % 2], h, factor)  # its block of position and velocity
+        copy_state(x_out, noise, work[0], before)
+        predict_step(work[0], before, factor, added, work[1], noise)
         chain_step(factor, F)
-    Q += noise
-    return 0 if np.isfinite(x_out).all() else 1
+    for i in range(9):
+        for j in range(9):
+            Q[i, j] += noise[i, j]
+    return 0 if np.isfinite(x_out.sum()) else 1

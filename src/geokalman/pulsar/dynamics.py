@@ -105,8 +105,9 @@ def runge_kutta_step(t, y, h, head, field, sun, work, tau=np.inf):
     """One step of the classical Runge-Kutta method for y = [r, v] (6,) in place, or [r, v, a] (9,): an acceleration
     beside the force that decays with tau [s]. work (3, y.size) is scratch."""
     stage, total, k = work[0], work[1], work[2]
-    stage[:] = y
-    total[:] = 0.0
+    for j in range(y.size):
+        stage[j] = y[j]
+        total[j] = 0.0
     for s in range(4):
         force_point(t + (0.0 if s == 0 else (h if s == 3 else 0.5 * h)), stage[:3], head, field, sun, k[3:6])
         for j in range(3):

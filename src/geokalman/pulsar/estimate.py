@@ -14,6 +14,7 @@ from numba import njit
 from geokalman.kalman import smoothing
 from geokalman.kalman.adaptive import Adaptive
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.dense import copy_state
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory
 from geokalman.kalman.model import PROPAGATE, Model, Sensor
 from geokalman.kalman.robust import thresholds
@@ -192,9 +193,10 @@ def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
     count = max(1, int(np.ceil(dt / substep - 1e-9)))
     h = dt / count
     work, factor, G = np.empty((3, 6)), np.empty((6, 6)), np.empty((2, 3, 3))
-    x_out[:] = x
+    for i in range(6):
+        x_out[i] = x[i]
     if Phi.size:
-        Phi[:] = np.eye(6)
+        copy_state(x, np.eye(6), x_out, Phi)
         gradient_point(x_out[:3], head, G[0])
     for k in range(count):
         for i in range(inner):
@@ -210,4 +212,4 @@ def _propagate(t0, t1, x, u, p, x_out, F, Q):
     """Motion for `run` with the parameters substep, inner and the force; stops where the state is not finite."""
     head, field, sun = unpack(p[2:])
     propagate_loop(t0, t1 - t0, x, p[0], int(p[1]), head, field, sun, x_out, F)
-    return 0 if np.isfinite(x_out).all() else 1
+    return 0 if np.isfinite(x_out.sum()) else 1
