@@ -1,4 +1,4 @@
-"""An EKF with three empirical accelerations: first-order Gauss-Markov processes beside position and velocity.
+"""Filter with three empirical accelerations, Gauss-Markov processes of first order.
 
 State [r, v, a] (9,): v' = a_J2(r) + a, a' = -a/tau + w, with w so strong that a has the standard deviation sigma in the
 long run; otherwise as `estimate`. How an acceleration and its noise reach velocity and position within a substep is
@@ -29,10 +29,10 @@ NOISE = (1.0, 1e-3)
 
 
 def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, tau: float) -> Estimate:
-    """Filter with empirical accelerations of standard deviation sigma [m s^-2] and time constant tau [s], which
-    start at zero.
+    """Filter with empirical accelerations, which start at zero.
 
-    x0 (6,), P0 (6, 6) and force as for `estimate.run`; every range must be there, epochs STEP apart.
+    sigma : their standard deviation [m s^-2]; tau : their time constant [s]; x0 (6,), P0 (6, 6) and force as for
+    `estimate.run`; every range must be there, epochs STEP apart.
     Raises ValueError for sigma or tau not positive and for gaps, Diverged as `estimate.filtered`.
     """
     if not (sigma > 0.0 and tau > 0.0):
@@ -51,7 +51,7 @@ def run(data: Observations, x0: Array, P0: Array, force: Force, sigma: float, ta
 
 @njit(PROPAGATE, cache=True)
 def _propagate(t0, t1, x, u, p, x_out, F, Q):
-    """Motion with the parameters tau, drift and noise of a substep, and the force; Q grows by the substeps' noise."""
+    """Move by the parameters tau, drift and noise of a substep, and force; add noise to Q."""
     tau, factor, added = p[0], p[1:82].copy().reshape(9, 9), p[82:163].reshape(9, 9)
     head, field, sun = unpack(p[163:])
     G, work, h = np.empty((2, 3, 3)), np.empty((3, 9)), (t1 - t0) / STEPS

@@ -1,4 +1,4 @@
-"""The filters: EKF, two adaptive EKFs, the robust adaptive EKF, innovation weighting, UKF, and RTS smoothing.
+"""Filter the ranges: EKF, adaptive and robust EKFs, innovation weighting, UKF, and RTS.
 
 One model for the core's `run`: the state by Runge-Kutta steps, its covariance by a chain of Markley's transition
 matrices, (8) and (9). The core's hooks judge the prediction, (17) to (20), before the update, (21).
@@ -47,10 +47,10 @@ class Diverged(ArithmeticError):
 
 @dataclass(frozen=True)
 class Tuning:
-    """How a filter computes: thresholds k0, k1 of factors and weights, floor of the factor, and its steps.
+    """How a filter computes: thresholds of factors and weights, and its steps.
 
-    substeps : of the transition matrix in 500 s; rk_step : longest step of the state [s], None for one Runge-Kutta
-    step a substep.
+    k0, k1 : thresholds; floor : of the factor; substeps : of the transition matrix in 500 s; rk_step : longest step of
+    the state [s], None for one Runge-Kutta step a substep.
     Raises ValueError for thresholds out of order, a floor outside (0, 1], and substeps too long for Markley's
     matrix unless allow_coarse; warns where they are long.
     """
@@ -75,12 +75,12 @@ class Tuning:
 
 @dataclass(frozen=True)
 class Estimate:
-    """States x (n, 6) [m, m/s] with covariances P (n, 6, 6) at t (n,) [s], and what the filter thought of them.
+    """States of the orbiter at the epochs, and what the filter thought of them.
 
-    alpha (n,) adaptive factors; weights (n, m) of the observations, NaN where missing; nis (n,) normalised
-    innovation squared, with S of the prediction before any adaptation, and observed (n,) how many ranges it counts;
-    skipped (n,): the adaptation of this epoch was skipped, fewer than three independent pulsars. course : of the
-    filter, with the initial estimate in its first row.
+    t (n,) [s]; x (n, 6) [m, m/s] with covariances P (n, 6, 6); alpha (n,) adaptive factors; weights (n, m) of the
+    observations, NaN where missing; nis (n,) normalised innovation squared, with S of the prediction before any
+    adaptation, and observed (n,) how many ranges it counts; skipped (n,): the adaptation of this epoch was skipped,
+    fewer than three independent pulsars. course : of the filter, with the initial estimate in its first row.
     """
 
     t: Array
@@ -98,9 +98,9 @@ def run(
     kind: str, data: Observations, x0: Array, belief: Belief, force: Force, tuning: Tuning | None = None,
     P0: Array | None = None, R: Array | None = None,
 ) -> Estimate:  # fmt: skip
-    """Filter the observations from the initial estimate x0 (6,) with the P0 and process noise of a belief.
+    """Filter the observations from the initial estimate x0 (6,) [m, m/s].
 
-    kind : a name of `KINDS`; force : that the filter believes in; P0 (6, 6), R (m, m) diagonal : instead of the
+    kind : a name of `KINDS`; belief, force : of start, noise and motion; P0 (6, 6), R (m, m) diagonal : instead of the
     belief's and the data's.
     Raises ValueError for an unknown kind and an R that is not diagonal, NotPositiveDefinite for a P0 or R that is no
     covariance, Diverged as `filtered`.
@@ -123,8 +123,9 @@ def filtered(
     data: Observations, prior: Gaussian, model: Model, force: Force, R: Array | None = None, kind: Kind = "extended",
     adaptive: Adaptive | None = None,
 ) -> Estimate:  # fmt: skip
-    """Filter with a model whose state begins with [r, v]; prior at t = 0, R (m, m) diagonal, else the data's.
+    """Filter with a model whose state begins with [r, v].
 
+    prior : at t = 0; R (m, m) diagonal, else the data's.
     Raises ValueError for an R that is not diagonal or not positive; Diverged with the first epoch where the predicted
     position is inside Mars, the orbit open, or sigma or innovation above 1e7 m, or where a covariance lost its root.
     """
@@ -158,7 +159,7 @@ def filtered(
 
 
 def smooth(forward: Estimate) -> Estimate:
-    """Rauch-Tung-Striebel smoother of a run: the honest meaning of "non-real-time".
+    """Smooth a run (Rauch-Tung-Striebel): the honest meaning of "non-real-time".
 
     Raises NotPositiveDefinite with the time. The innovations stay those of the forward filter.
     """
@@ -188,8 +189,10 @@ def _require_orbit(course: Trajectory, data: Observations, force: Force) -> None
 
 @njit(cache=True)
 def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
-    """State over dt [s] and, unless Phi has size zero, its transition matrix: Markley factors of about `substep`
-    seconds, `inner` Runge-Kutta steps in each."""
+    """Propagate the state over dt [s] and, unless Phi has size zero, its transition matrix.
+
+    Markley factors of about `substep` seconds, `inner` Runge-Kutta steps in each.
+    """
     count = max(1, int(np.ceil(dt / substep - 1e-9)))
     h = dt / count
     work, factor, G = np.empty((3, 6)), np.empty((6, 6)), np.empty((2, 3, 3))
@@ -209,7 +212,7 @@ def propagate_loop(t0, dt, x, substep, inner, head, field, sun, x_out, Phi):
 
 @njit(PROPAGATE, cache=True)
 def _propagate(t0, t1, x, u, p, x_out, F, Q):
-    """Motion for `run` with the parameters substep, inner and the force; stops where the state is not finite."""
+    """Move by the parameters substep, inner and force; stop where the state is not finite."""
     head, field, sun = unpack(p[2:])
     propagate_loop(t0, t1 - t0, x, p[0], int(p[1]), head, field, sun, x_out, F)
     return 0 if np.isfinite(x_out.sum()) else 1

@@ -1,4 +1,4 @@
-"""Experiments: the same flight observed with many seeds, each time by the same filters."""
+"""Observe the same flight with many seeds, each time filtered by the same methods."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from geokalman.pulsar.simulate import Flight
 
 @dataclass(frozen=True)
 class Method:
-    """One filter of an experiment: its kind, and where it differs from the experiment's tuning, belief, force, data.
+    """One filter of an experiment: its kind, and where it differs from the others.
 
-    smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
-    these alone; r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three
-    accelerations beside its states.
+    tuning, belief, force : instead of the experiment's; smoothed : followed by the RTS smoother; order : it sees one
+    pulsar an epoch, in this cycle; pulsars : it sees these alone; r_factor : the R it assumes over the true one;
+    empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states.
     """
 
     kind: str
@@ -71,12 +71,12 @@ class Experiment:
             return stopped.with_traceback(None)
 
     def observe(self, rng: np.random.Generator) -> Observations:
-        """The observations of one seed."""
+        """Observe the flight with the noise of one seed."""
         options = self.outlier_fraction, self.outlier_size, self.bias
         return simulate.observe(self.flight, self.mission, self.preset.world, rng, *options)
 
     def estimate(self, method: Method, data: Observations) -> Estimate:
-        """What a method makes of the observations. Raises Diverged."""
+        """Filter the observations by a method. Raises Diverged."""
         if method.pulsars:
             keep = [self.mission.columns.index(k - 1) for k in method.pulsars]
             data = replace(data, z=data.z[:, keep], H=data.H[keep], variance=data.variance[keep])
@@ -90,7 +90,7 @@ class Experiment:
         return estimate.smooth(result) if method.smoothed else result
 
     def start(self) -> Array:
-        """Initial estimate (6,): the truth plus the world's initial error on every component."""
+        """Give the initial estimate (6,): the truth plus the world's error on every component."""
         return self.flight.x0 + np.repeat(self.preset.world.error, 3)
 
 
@@ -98,14 +98,16 @@ def prepare(
     mission: Mission, preset: Preset, gravity: GravityField, methods: Mapping[str, Method],
     tuning: Tuning | None = None, **options,
 ) -> Experiment:  # fmt: skip
-    """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of
-    `Experiment`."""
+    """Fly the truth of a preset in its field; the filters carry J2.
+
+    options : fields of `Experiment`.
+    """
     flight = simulate.fly(mission, gravity, preset.world.mismatch)
     return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
 
 
 def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> dict[str, list[Score | Diverged]]:
-    """Scores of each method over the seeds seed0, seed0 + 1, ...; the same whatever the number of workers (threads).
+    """Score each method over the seeds seed0, seed0 + 1, ..., on any number of threads.
 
     Raises ValueError for no seeds or workers.
     """
@@ -115,7 +117,7 @@ def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> d
 
 
 def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | Diverged]]:
-    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean."""
+    """Score as `ensemble`, for any seeds. Raises ValueError where one is repeated."""
     seeds = list(seeds)
     if len(set(seeds)) < len(seeds):
         twice = next(s for s in seeds if seeds.count(s) > 1)
@@ -133,7 +135,7 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
 
 
 def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int = 3) -> float:
-    """Processor time of a method per epoch [us], the least of `repeat` calls after one that compiles; never a gate."""
+    """Time a method per epoch [us of the processor], least of `repeat` calls; never a gate."""
     data, times = trial.observe(np.random.default_rng(seed)), []
     for _ in range(repeat + 1):
         begun = time.process_time()
@@ -143,10 +145,9 @@ def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int =
 
 
 def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
-    """Methods by the names of Table 3: the filters of `estimate.KINDS`, `rts`, and `ekf_tuned` where the preset
-    defines it.
+    """Give the methods of Table 3: filters of `estimate.KINDS`, `rts`, and `ekf_tuned`.
 
-    Raises ValueError for another name.
+    Raises ValueError for another name, and for `ekf_tuned` where the preset does not define it.
     """
     methods = {}
     for name in filters:

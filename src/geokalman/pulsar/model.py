@@ -1,4 +1,4 @@
-"""The experiment: pulsars and how well they range, the orbiter, the field it flies in, and the presets A to E.
+"""What an experiment is of: pulsars, orbiter, mission, and the presets A to E.
 
 Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see
 the page of the paper for the source of each value. Equation numbers are the paper's.
@@ -32,7 +32,7 @@ DAY = 86400.0
 
 
 class Orbit(NamedTuple):
-    """Elements of the orbiter in the inertial Mars equatorial frame: [m, -, rad ...], and the epoch JD TDB."""
+    """Elements in the inertial Mars equatorial frame [m, -, rad ...], and the epoch JD TDB."""
 
     a: float = 3780e3
     e: float = 0.0085
@@ -85,7 +85,7 @@ class Belief:
             raise ValueError(f"noise = {self.noise!r} is unknown; give qd or qc.")
 
     def process_noise(self, dt: float) -> Array:
-        """Q of a step of dt [s] (6, 6): that of 500 s, in proportion (qd), or integrated white acceleration (qc)."""
+        """Give Q of a step of dt [s] (6, 6): that of 500 s, in proportion, or integrated (qc)."""
         if self.noise == "qd":
             return np.diag(np.repeat([self.q_pos**2 * dt / STEP, self.q_vel**2 * dt / STEP], 3))
         q2 = self.q_acc**2
@@ -105,7 +105,7 @@ def _require_positive(**values: float) -> None:
 
 @dataclass(frozen=True)
 class Preset:
-    """An experiment by name: what is true, what the filters believe, and (q_pos, q_vel) of a tuned filter, or None."""
+    """A named experiment: its world, the filters' belief, and (q_pos, q_vel) of a tuned one."""
 
     name: str
     meaning: str
@@ -114,7 +114,7 @@ class Preset:
     tuned: tuple[float, float] | None = None
 
     def tuned_belief(self) -> Belief:
-        """The belief with the tuned process noise. Raises ValueError where none is defined."""
+        """Give the belief with the tuned process noise. Raises ValueError where none is defined."""
         if self.tuned is None:
             raise ValueError(f"preset {self.name} defines no tuned process noise; C and E do.")
         return replace(self.belief, noise="qd", q_pos=self.tuned[0], q_vel=self.tuned[1])
@@ -134,7 +134,7 @@ PRESETS = {
 
 
 def preset(name: str, **changes: Any) -> Preset:
-    """The preset of that name; changes that are not None replace fields of its world and its belief.
+    """Give the preset of that name, with changes of world and belief that are not None.
 
     Raises ValueError for another name.
     """
@@ -147,7 +147,7 @@ def preset(name: str, **changes: Any) -> Preset:
 
 @dataclass(frozen=True)
 class Mission:
-    """The orbiter, how long it is observed and by which pulsars, in the inertial frame of the Mars equator.
+    """The orbiter, how long it is observed and by which pulsars.
 
     Raises ValueError for a span without epochs and for pulsars that are unknown or named twice.
     """
@@ -168,7 +168,7 @@ class Mission:
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any]) -> Mission:
-        """The mission of a notebook's parameters: `raan_deg`, `days` and `pulsars`, where they are given."""
+        """Make the mission of a notebook's parameters `raan_deg`, `days` and `pulsars`."""
         p = parameters
         orbit = Orbit(raan=math.radians(p["raan_deg"])) if "raan_deg" in p else Orbit()
         return cls(orbit, p.get("days", cls.days), tuple(p.get("pulsars", cls.pulsars)))
@@ -189,19 +189,19 @@ class Mission:
         return [k - 1 for k in self.pulsars]
 
     def H(self) -> Array:
-        """Directions to the observed pulsars in the inertial Mars frame: the position columns of (13), (m, 3)."""
+        """Give the directions to the observed pulsars: the position columns of (13), (m, 3)."""
         return np.ascontiguousarray(all_directions()[self.columns])
 
     def sigmas(self) -> Array:
-        """Ranging accuracy (14)-(16) of the observed pulsars in 500 s with a square metre [m], (m,)."""
+        """Give the ranging accuracy (14)-(16) of the observed pulsars in 500 s [m], (m,)."""
         return all_sigmas()[self.columns]
 
 
 def all_directions() -> Array:
-    """Unit vectors to the seven pulsars in the inertial Mars frame (7, 3)."""
+    """Give unit vectors to the seven pulsars in the inertial Mars frame (7, 3)."""
     return directions(PULSARS) @ mars.icrf_from_smci(CENTURIES)
 
 
 def all_sigmas() -> Array:
-    """Ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
+    """Give the ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
     return np.array([ranging_sigma(pulsar) for pulsar in PULSARS])

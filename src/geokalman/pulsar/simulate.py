@@ -1,4 +1,4 @@
-"""The simulated flight: the true orbit, and the ranges that pulsar photons would give, with their errors."""
+"""Simulate the flight: the true orbit, and the ranges of pulsar photons with their errors."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ TRUTH_STEP = 10.0
 
 @dataclass(frozen=True)
 class Flight:
-    """The true orbit: initial state (6,), times t (n,) [s] and states x (n, 6) [m, m/s] in the inertial Mars frame."""
+    """The true orbit in the inertial Mars frame.
+
+    x0 : initial state (6,); t (n,) [s]; x : states (n, 6) [m, m/s].
+    """
 
     x0: Array
     t: Array
@@ -28,7 +31,7 @@ class Flight:
 
 
 def initial_state(mission: Mission, gravity: GravityField) -> Array:
-    """True state (6,) [m, m/s] at k = 0 from the elements of the orbit.
+    """Give the true state (6,) [m, m/s] at k = 0 from the elements of the orbit.
 
     Raises ValueError for an orbit that is no ellipse or meets Mars.
     """
@@ -40,7 +43,7 @@ def initial_state(mission: Mission, gravity: GravityField) -> Array:
 
 
 def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: float = TRUTH_STEP) -> Flight:
-    """The true orbit at every epoch of the mission, by Runge-Kutta steps of `step` seconds.
+    """Fly the true orbit to every epoch of the mission, in Runge-Kutta steps of `step` s.
 
     mismatch : lambda of the field that is true, 0 for J2 and 1 for the rich one. Raises ArithmeticError where it
     meets Mars.
@@ -50,7 +53,7 @@ def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: fl
 
 
 def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
-    """The orbit from x0 at t = 0 in a force, at t (n,) [s] up to STEP apart, in Runge-Kutta steps of at most `step`."""
+    """Fly from x0 at t = 0 in a force to t (n,) [s], up to STEP apart, in steps up to `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
@@ -90,7 +93,7 @@ def observe(
 
 
 def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> Observations:
-    """What one detector observes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the rest is NaN.
+    """Observe by one detector: epoch j sees pulsar order[j mod n], the rest is NaN.
 
     order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar
     that is not there.
@@ -107,9 +110,9 @@ def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> O
 
 
 def mismatch_rms(truth: Flight, force: Force) -> tuple[float, float]:
-    """What one step of 500 s of a force misses of the truth: RMS per component of position [m] and velocity [m/s].
+    """Give what one step of 500 s of a force misses of the truth, from every true state anew.
 
-    The force restarts from every true state.
+    RMS per component of position [m] and velocity [m/s].
     """
     starts = np.vstack([truth.x0, truth.x[:-1]])
     miss = np.empty_like(starts)

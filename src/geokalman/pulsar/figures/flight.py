@@ -34,13 +34,13 @@ _WORDS = (
 
 
 def _style(name: str) -> Method:
-    """Style of a filter by its name, or of a label by the filter that it names."""
+    """Give the style of a filter by its name, or of a label by the filter that it names."""
     named = STYLES.get(name) or next((style for word, style in _WORDS if word in name), "neutral")
     return METHODS[named]
 
 
 def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
-    """Ticks in plain digits on a logarithmic axis, at most `room` of them: all of 1 to 9, or 1, 2, 5, or 1, 3, or 1."""
+    """Put at most `room` ticks in plain digits on a logarithmic axis, all of 1 to 9 or fewer."""
     for steps in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
         ticks = [f * 10.0**k for k in range(-3, 8) for f in steps if low <= f * 10.0**k <= high]
         if len(ticks) <= room:
@@ -54,7 +54,7 @@ def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
 
 
 def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
-    """The orbit over the disc of Mars in three projections; states (n, 6) [m], radius of Mars [m]."""
+    """Draw states (n, 6) [m] over the disc of Mars, radius [m], in three projections."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 2.8))
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     disc = radius / 1e3 * np.cos(angle), radius / 1e3 * np.sin(angle)
@@ -68,7 +68,7 @@ def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", 
 
 
 def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
-    """Ranges along the lines to pulsars, as times of arrival give them; t (n,) [s], z (n, m) [m]."""
+    """Draw ranges z (n, m) [m] along the lines to pulsars over t (n,) [s]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values, key in zip(names, z.T, COLOURS, strict=False):
         look = {"color": METHODS[key].colour, "linestyle": METHODS[key].line}
@@ -82,7 +82,7 @@ def axis_errors(
     epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0,
     notes: Sequence[str] = ("", "", ""), mark: float | None = None,
 ) -> Figure:  # fmt: skip
-    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
+    """Draw Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
 
     zoom > 0 limits the axis to +- zoom; notes stand above the panels on the right; mark: an epoch to draw a line at.
     """
@@ -105,7 +105,7 @@ def axis_errors(
 
 
 def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, float]) -> Figure:
-    """NEES/6 against epoch, one line per filter, with the 95 % bounds of a single epoch."""
+    """Draw NEES/6 against epoch, a line per filter, with the 95 % bounds of a single epoch."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in nees6.items():
         axes.semilogy(epoch, values, color=_style(name).colour, linewidth=0.8, label=LABELS.get(name, name))
@@ -116,7 +116,7 @@ def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, f
 
 
 def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], printed: Sequence[float]) -> Figure:
-    """Table 3 as a figure: RMS on X, Y, Z [m] of each filter with its spread over seeds, and the paper's AEKF1."""
+    """Draw Table 3: RMS on X, Y, Z [m] with its spread over seeds, and the paper's AEKF1."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 3.4), sharey=True)
     rows = {"yticks": range(len(scores)), "yticklabels": [LABELS.get(name, name) for name in scores]}
     for j, panel in enumerate(panels):
@@ -135,7 +135,7 @@ def seed_strip(
     values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None,
     stopped: Mapping[str, int] | None = None,
 ) -> Figure:  # fmt: skip
-    """One row for each label: a stroke for every seed, and their mean.
+    """Draw a row for each label: a stroke for every seed, and their mean.
 
     marks : label -> x of a vertical line; stopped : label -> runs without a stroke, told beside the label.
     """
@@ -159,7 +159,7 @@ def seed_strip(
 
 
 def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx: bool = True) -> Figure:
-    """Curves of several filters against one setting; x (n,), values: filter -> (n,)."""
+    """Draw curves of several filters against one setting; x (n,), values: filter -> (n,)."""
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     for name, y in values.items():
         style = _style(name)
@@ -177,7 +177,7 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
 
 
 def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
-    """3-D RMS [m] and NIS/7 of the EKF against the position part of its process noise [m]; the dots: least error."""
+    """Draw 3-D RMS [m] and NIS/7 of the EKF against its process noise of position [m]."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
     for axes, values, ylabel in ((left, d3, "3-D RMS error [m]"), (right, nis, "NIS / 7")):
         axes.loglog(q, values, color=METHODS["ekf"].colour, marker=METHODS["ekf"].marker)
@@ -192,7 +192,7 @@ def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
 
 
 def smoothing(epoch: Array, filtered: Array, smoothed: Array, ylabel: str) -> Figure:
-    """3-D position error [m] of a filter and of its smoother against epoch, (n,) each."""
+    """Draw the 3-D position error [m] of a filter and its smoother against epoch, (n,) each."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values in (("ekf", filtered), ("rts", smoothed)):
         axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=METHODS[name].label)

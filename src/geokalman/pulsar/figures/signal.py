@@ -1,4 +1,4 @@
-"""Figures of the signal: timing model, transition matrix, pulsars on the sky, ranging accuracy, real photons."""
+"""Figures of the signal: timing, transition matrix, sky, ranging accuracy, real photons."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from geokalman.style import METHODS, ink
 
 
 def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], ylabels: Sequence[str]) -> Figure:
-    """Terms of the timing model over time, one panel each; terms: title -> (n, m), one column a pulsar."""
+    """Draw terms of the timing model over time, a panel each; terms: title -> (n, pulsars)."""
     figure, panels = plt.subplots(len(terms), 1, sharex=True, figsize=(7.2, 1.0 + 1.8 * len(terms)))
     for panel, (title, values), ylabel in zip(np.atleast_1d(panels), terms.items(), ylabels, strict=True):
         for k, name in enumerate(names):
@@ -30,8 +30,10 @@ def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], 
 
 
 def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Array) -> Figure:
-    """Errors of transition matrices over 500 s against the substep [s]: Markley's by block, the integrated one's
-    block rv."""
+    """Draw errors of transition matrices over 500 s against the substep [s].
+
+    markley : block -> errors; integrated : of the block rv [s].
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     units = {"rr": "", "rv": " [s]", "vr": " [1/s]", "vv": ""}
     for (name, values), key in zip(markley.items(), ("ekf", "aekf1", "aekf2", "ukf"), strict=True):
@@ -46,7 +48,7 @@ def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Ar
 
 
 def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure:
-    """The pulsars on the sky, ra, dec [deg]; the larger the dot, the better the range; sigma [m]."""
+    """Draw the pulsars on the sky, ra, dec [deg]; the larger the dot, the better sigma [m]."""
     figure = plt.figure(figsize=(7.2, 3.8))
     axes = figure.add_subplot(projection="mollweide")
     longitude = np.radians((np.asarray(ra) + 180.0) % 360.0 - 180.0)
@@ -62,7 +64,7 @@ def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure
 
 
 def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
-    """Ranging accuracy [m] against the duration of an observation [s]; sigma (m, n)."""
+    """Draw ranging accuracy [m] against the duration of an observation [s]; sigma (m, n)."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for k, name in enumerate(names):
         style = METHODS[COLOURS[k % 7]]
@@ -75,7 +77,7 @@ def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
 
 
 def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) -> Figure:
-    """Residuals of times of arrival [s] without and with the satellite's orbit; sigma (n,) formal errors [s]."""
+    """Draw residuals of times of arrival [s], with formal errors sigma (n,) [s]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for k, ((label, values), key) in enumerate(zip(residuals.items(), ("aekf1", "exact", "ekf"), strict=False)):
         style = METHODS[key]
@@ -90,7 +92,7 @@ def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) ->
 
 
 def orbit_scale(scales: Array, power: Array, within: tuple[float, float]) -> Figure:
-    """Z_1^2 against the scale of the satellite's orbit: the range `within` one of the maximum is shaded."""
+    """Draw Z_1^2 against the scale of the orbit, the range `within` one of the maximum shaded."""
     figure, axes = plt.subplots(figsize=(7.2, 3.0))
     axes.plot(scales, power, color=METHODS["ekf"].colour)
     axes.axvspan(*within, color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum")
@@ -101,7 +103,7 @@ def orbit_scale(scales: Array, power: Array, within: tuple[float, float]) -> Fig
 
 
 def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
-    """Pulse profiles over two turns, each with the Poisson error of its bins; phases: title -> (n,) [cycles]."""
+    """Draw pulse profiles over two turns with Poisson errors; phases: title -> (n,) [cycles]."""
     figure, panels = plt.subplots(len(phases), 1, sharex=True, figsize=(7.2, 0.8 + 1.6 * len(phases)))
     edges = np.arange(2 * bins + 1) / bins
     for panel, (title, phase), key in zip(np.atleast_1d(panels), phases.items(), COLOURS, strict=False):
