@@ -1,4 +1,4 @@
-"""X-ray pulsars for navigation: Table 1, the directions to them, and the accuracy of a range from their pulses.
+"""X-ray pulsars for navigation: Table 1, directions, and the accuracy of a range.
 
 The body of the paper's Table 1 is lost. Fluxes, pulsed fractions and widths are those tabulated after Sheikh (2005,
 thesis, University of Maryland); those of B1509-58 and all distances are of the same literature but less certain.
@@ -27,9 +27,10 @@ class RangingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Pulsar:
-    """One pulsar: position [deg], period [s], flux [photon cm^-2 s^-1], pulsed fraction, width [s], distance [m].
+    """One pulsar.
 
-    ra, dec : ICRS; width : of the pulse at half height.
+    ra, dec [deg, ICRS]; period [s]; flux [photon cm^-2 s^-1]; pulsed : fraction; width : of the pulse at half height
+    [s]; distance [m].
     Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
     """
 
@@ -86,12 +87,15 @@ PULSARS = (
 
 
 def directions(pulsars: Sequence[Pulsar]) -> NDArray[np.float64]:
-    """Unit vectors to the pulsars in ICRF axes (m, 3)."""
+    """Give unit vectors to the pulsars in ICRF axes (m, 3)."""
     return np.array([pulsar.direction for pulsar in pulsars])
 
 
 def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The directions (m, 3); ValueError, with their numbers, where one is no unit vector or two are the same."""
+    """Give back directions (m, 3).
+
+    Raises ValueError, with their numbers, where one is no unit vector or two are the same.
+    """
     vectors = np.asarray(vectors, dtype=float)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ValueError(f"directions have the shape {vectors.shape}; they must be (m, 3).")
@@ -109,7 +113,7 @@ def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 def ranging_sigma(
     pulsar: Pulsar, area: float = AREA, duration: float = DURATION, background: float = BACKGROUND
 ) -> float:
-    """Accuracy of the range to a pulsar [m] from photons counted for a while.
+    """Give the accuracy of the range to a pulsar [m] from photons counted for a while.
 
     sigma = c W / (2 SNR),  SNR = F A p T / sqrt([B + F (1 - p)] A T d + F A p T),  d = W / P.
     area A [cm^2]; duration T [s]; background B [photon cm^-2 s^-1]; F flux, p pulsed fraction, W width, P period.
@@ -130,7 +134,7 @@ def ranging_sigma(
 
 
 def single_epoch_covariance(vectors: NDArray[np.float64], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the directions' axes.
+    """Give the covariance (3, 3) [m^2] of a position by least squares from a range to each.
 
     vectors (m, 3); sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
     """

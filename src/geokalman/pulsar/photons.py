@@ -1,4 +1,4 @@
-"""Real photons of pulsars: the way of the light to the barycentre, folding, and times of arrival."""
+"""Real photons of pulsars: barycentring, folding, and times of arrival."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ MAX_TURNS = 3e9
 
 
 class Timing(NamedTuple):
-    """Times of arrival of pieces: middle [s], residual after a linear fit [s], formal sigma [s]; rms over n - 2;
-    Z_1^2 and frequency [Hz] of all."""
+    """Times of arrival of pieces.
+
+    t : middle [s]; residual : after a linear fit [s]; sigma, formal [s]; rms over n - 2; z2, frequency [Hz] of all.
+    """
 
     t: Array
     residual: Array
@@ -41,11 +43,11 @@ def barycentred(
     events: Events, direction: Array, orbit: SatelliteOrbit | None, earth: bool = True, scale: float = 1.0,
     ephemeris: Ephemeris | None = None,
 ) -> Array:  # fmt: skip
-    """Times (n,) [s] at the solar-system barycentre by the Roemer delays, t + n . (r_Earth + scale r_satellite) / c.
+    """Move times to the barycentre: t + n . (r_Earth + scale r_satellite) / c (Roemer delays).
 
     direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the
     Earth's; scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour,
-    is left out. Raises ValueError for events that are at the barycentre already.
+    is left out. Returns (n,) [s]. Raises ValueError for events that are at the barycentre already.
     """
     if not events.local:
         already = f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM)"
@@ -59,9 +61,9 @@ def barycentred(
 
 
 def z_squared(phase: Array, harmonics: int = 1) -> Array:
-    """Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`; phase (n,) [cycles]; returns
-    (harmonics,). Raises ValueError where there is no phase, or one that is not finite.
+    """Give Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`.
 
+    phase (n,) [cycles]; returns (harmonics,). Raises ValueError for no phase, or one that is not finite.
     Source: Buccheri et al. (1983), Astron. Astrophys. 128, 245.
     """
     k = np.arange(1, harmonics + 1)
@@ -72,12 +74,12 @@ def z_squared(phase: Array, harmonics: int = 1) -> Array:
 
 
 def h_test(phase: Array) -> float:
-    """H = max over m of 1 to 20 of Z_m^2 - 4 m + 4. Source: de Jager et al. (1989), Astron. Astrophys. 221, 180."""
+    """Give H = max over m of 1 to 20 of Z_m^2 - 4 m + 4 (de Jager et al. 1989, A&A 221, 180)."""
     return float((z_squared(phase, 20) - 4.0 * np.arange(20)).max())
 
 
 def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[float, float]:
-    """Frequency [Hz] within half_width of `near` where Z_1^2 of the times t (n,) [s] is largest, and that Z_1^2.
+    """Find the frequency [Hz] near another where Z_1^2 of times t (n,) [s] is largest; both.
 
     Raises ValueError where the maximum stands at an end of the interval, and where chance alone would give it in more
     than one of a thousand searches: exp(-Z_1^2 / 2) for each of the independent frequencies, 1/T apart; and, before
@@ -106,7 +108,7 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
 
 
 def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) -> Timing:
-    """Times of arrival of consecutive pieces from the phase of the fundamental at the best frequency of all photons.
+    """Time consecutive pieces by the phase of the fundamental at the best frequency of all.
 
     t (n,) [s], in any order; pieces of `piece` seconds are counted from the first photon, later photons dropped.
     Raises ValueError for fewer than three pieces and for a piece without photons.
@@ -132,12 +134,12 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
 
 
 def orbit_scale(events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array) -> Array:
-    """Z_1^2 at the best frequency with the satellite's Roemer delay times each scale: (len(scales),)."""
+    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay."""
     return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near, 1e-3)[1] for s in scales])
 
 
 def within_one(scales: Array, power: Array) -> tuple[float, float]:
-    """Where a curve of Z^2 falls one below its maximum on either side, a standard deviation; linearly interpolated.
+    """Find where Z^2 falls one below its maximum on either side, a standard deviation.
 
     scales, power (n,), ascending in scales. Raises ValueError where the curve does not fall so far on a side.
     """
