@@ -8,7 +8,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-APPLICATIONS = sorted(path.parent.name for path in (ROOT / "src" / "geokalman").glob("*/figures.py"))
+PACKAGE = ROOT / "src" / "geokalman"
+APPLICATIONS = sorted({path.parent.name for path in PACKAGE.glob("*/figures*") if path.suffix in ("", ".py")})
+
+
+def sources_of(folder: Path) -> dict[str, str]:
+    """Texts of the modules of an application by name; those of a package within it together by the package's."""
+    found: dict[str, str] = {}
+    for path in sorted(folder.rglob("*.py")):
+        name = path.stem if path.parent == folder else path.parent.name
+        found[name] = found.get(name, "") + path.read_text(encoding="utf-8") + "\n"
+    return found
 
 
 def drawing(text: str) -> set[str]:
@@ -33,7 +43,7 @@ def untested(sources: dict[str, str], tests: list[str]) -> set[str]:
 
 @pytest.mark.parametrize("application", APPLICATIONS)
 def test_every_figure_has_its_test(application):
-    sources = {p.stem: p.read_text(encoding="utf-8") for p in (ROOT / "src/geokalman" / application).glob("*.py")}
+    sources = sources_of(PACKAGE / application)
     assert any(map(drawing, sources.values()))
     assert not untested(sources, [p.read_text(encoding="utf-8") for p in (ROOT / "tests" / application).glob("*.py")])
 
@@ -43,3 +53,10 @@ def test_a_figure_without_a_test_is_seen():
     called_by_a_test = "def test_b():\n    figures.b()\n    x.a()"
     only_beside_one = "SMOKE = {'a': lambda: figures.a()}\ndef helper():\n    figures.a()"
     assert untested(source, [called_by_a_test, only_beside_one]) == {"figures.a"}
+
+
+def test_the_figures_of_a_package_are_seen(tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "one.py").write_text("def a() -> Figure: ...")
+    (tmp_path / "figures" / "two.py").write_text("def b() -> Figure: ...")
+    assert untested(sources_of(tmp_path), ["def test_a():\n    figures.a()"]) == {"figures.b"}

@@ -90,8 +90,9 @@ def truth_seen(path: Path) -> set[str]:
         current = todo.pop()
         seen.add(current)
         names = {n.split(".")[2] for n in imports(current) if n.startswith(f"geokalman.{part_of(path)}.")}
-        todo |= {p for p in (path.with_name(f"{n}.py") for n in names) if p.is_file()} - seen
-    return {p.stem for p in seen} & {"simulate", "assess", "figures"}
+        files = {path.with_name(n) / "__init__.py" for n in names} | {path.with_name(f"{n}.py") for n in names}
+        todo |= {p for p in files if p.is_file()} - seen
+    return {p.parent.name if p.stem == "__init__" else p.stem for p in seen} & {"simulate", "assess", "figures"}
 
 
 def machinery(code: str) -> set[str]:
@@ -165,6 +166,10 @@ def test_truth_is_seen_through_a_helper(planted):
     planted("grace/simulate.py", "")
     planted("grace/helper.py", "from geokalman.grace.simulate import fly")
     assert truth_seen(planted("grace/estimate.py", "from geokalman.grace import helper")) == {"simulate"}
+    (planted("grace/x.py", "").parent / "figures").mkdir()
+    planted("grace/figures/__init__.py", "")
+    planted("grace/helper.py", "from geokalman.grace.figures import draw")
+    assert truth_seen(planted("grace/estimate.py", "from geokalman.grace import helper")) == {"figures"}
     planted("grace/helper.py", "import numpy")
     assert not truth_seen(planted("grace/estimate.py", "from . import helper"))
 

@@ -20,7 +20,7 @@ def day():
     """Mission of 60 epochs with its truths, the J2 force, and observations of preset B, seed 0."""
     mission, gravity = Mission(days=60 * 500 / 86400), mars.gravity()
     flight, rich = simulate.fly(mission, gravity), simulate.fly(mission, gravity, 1.0)
-    data = simulate.observe(flight, mission, preset("B"), np.random.default_rng(0))
+    data = simulate.observe(flight, mission, preset("B").world, np.random.default_rng(0))
     return SimpleNamespace(
         mission=mission, gravity=gravity, flight=flight, rich=rich, force=j2_force(gravity), data=data
     )

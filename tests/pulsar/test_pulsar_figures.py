@@ -8,7 +8,7 @@ import pytest
 from matplotlib.colors import same_color
 
 from geokalman import style
-from geokalman.pulsar import figures, signal_figures
+from geokalman.pulsar import figures
 from geokalman.style import METHODS
 
 N = 60
@@ -138,7 +138,7 @@ def test_smoothing():
 
 def test_timing_terms():
     terms = {"Roemer": RNG.standard_normal((N, 3)), "differences": np.exp(RNG.standard_normal((N, 3)))}
-    figure = labelled(signal_figures.timing_terms(EPOCH, terms, NAMES, ["[s]", "[m]"]))
+    figure = labelled(figures.timing_terms(EPOCH, terms, NAMES, ["[s]", "[m]"]))
     assert [a.get_yscale() for a in figure.axes] == ["linear", "log"]
     np.testing.assert_array_equal(data_of(figure.axes[1], "B1821-24")[1], terms["differences"][:, 1])
 
@@ -146,14 +146,14 @@ def test_timing_terms():
 def test_transition_errors():
     steps = np.array([10.0, 100.0, 500.0])
     blocks = {name: steps**2 * f for name, f in zip(("rr", "rv", "vr", "vv"), (1, 2, 3, 4), strict=True)}
-    [axes] = labelled(signal_figures.transition_errors(steps, blocks, steps**4)).axes
+    [axes] = labelled(figures.transition_errors(steps, blocks, steps**4)).axes
     np.testing.assert_array_equal(data_of(axes, "Markley, rv [s]")[1], 2 * steps**2)
     np.testing.assert_array_equal(data_of(axes, "integrated, rv [s]")[1], steps**4)
 
 
 def test_sky_map():
     ra, dec, sigma = np.array([83.6, 276.1, 34.5]), np.array([22.0, -24.9, 42.5]), np.array([109.0, 326.0, 13718.0])
-    [axes] = labelled(signal_figures.sky_map(ra, dec, sigma, NAMES)).axes
+    [axes] = labelled(figures.sky_map(ra, dec, sigma, NAMES)).axes
     [dots] = axes.collections
     np.testing.assert_allclose(np.degrees(dots.get_offsets()), np.column_stack([[83.6, -83.9, 34.5], dec]))
     assert (np.diff(dots.get_sizes()) < 0).all()  # the better, the larger
@@ -162,7 +162,7 @@ def test_sky_map():
 
 def test_accuracy():
     t = np.geomspace(100, 1e5, 5)
-    [axes] = labelled(signal_figures.accuracy(t, np.outer([1.0, 3.0, 9.0], 1e4 / np.sqrt(t)), NAMES)).axes
+    [axes] = labelled(figures.accuracy(t, np.outer([1.0, 3.0, 9.0], 1e4 / np.sqrt(t)), NAMES)).axes
     np.testing.assert_allclose(data_of(axes, "B1821-24")[1], 3e4 / np.sqrt(t))
     assert any(np.allclose(line.get_ydata(), 94.1) for line in axes.get_lines())
 
@@ -170,7 +170,7 @@ def test_accuracy():
 def test_arrival_residuals_in_milliseconds():
     t = 500.0 * np.arange(7)
     [axes] = labelled(
-        signal_figures.arrival_residuals(t, {"raw": np.full(7, 8e-3), "corrected": np.full(7, 2e-3)}, np.full(7, 1e-3))
+        figures.arrival_residuals(t, {"raw": np.full(7, 8e-3), "corrected": np.full(7, 2e-3)}, np.full(7, 1e-3))
     ).axes
     heights = [c.lines[0].get_ydata()[0] for c in axes.containers]
     assert heights == pytest.approx([8.0, 2.0]) and "[ms]" in axes.get_ylabel()
@@ -178,7 +178,7 @@ def test_arrival_residuals_in_milliseconds():
 
 def test_orbit_scale():
     s = np.linspace(0, 2, 41)
-    [axes] = labelled(signal_figures.orbit_scale(s, 600 - 20 * (s - 1.2) ** 2, (0.98, 1.42))).axes
+    [axes] = labelled(figures.orbit_scale(s, 600 - 20 * (s - 1.2) ** 2, (0.98, 1.42))).axes
     shaded = axes.patches[0].get_extents().transformed(axes.transData.inverted())
     assert (shaded.x0, shaded.x1) == pytest.approx((0.98, 1.42))
     np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), 600 - 20 * (s - 1.2) ** 2)
@@ -186,7 +186,7 @@ def test_orbit_scale():
 
 def test_profiles_count_every_photon_twice():
     phase = RNG.random(1000)
-    figure = labelled(signal_figures.profiles({"one": phase, "two": phase - 7.0}))
+    figure = labelled(figures.profiles({"one": phase, "two": phase - 7.0}))
     for axes in figure.axes:
         [stairs] = [p for p in axes.patches]
         assert stairs.get_data().values.sum() == 2000

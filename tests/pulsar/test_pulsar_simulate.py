@@ -24,7 +24,7 @@ def test_first_observation_of_the_specification(day):
     expected = [1742038.083, -1825132.433, -3660393.390, 2944082.697, -3627327.728, 1103359.864, -915652.850]
     # the noise of all epochs is drawn in one array: with another length the transfer noise differs
     mission = Mission(days=5.0)
-    data = simulate.observe(simulate.fly(mission, day.gravity), mission, preset("B"), np.random.default_rng(0))
+    data = simulate.observe(simulate.fly(mission, day.gravity), mission, preset("B").world, np.random.default_rng(0))
     np.testing.assert_allclose(data.z[0], expected, atol=1e-3)
     assert data.z.shape == (864, 7) and data.t[0] == 500.0
 
@@ -60,7 +60,7 @@ def test_noise_has_the_variance_that_is_told(day):
     mission = Mission(days=5.0)
     flight = simulate.fly(mission, day.gravity)
     chosen = preset("E")
-    data = simulate.observe(flight, mission, chosen, np.random.default_rng(1))
+    data = simulate.observe(flight, mission, chosen.world, np.random.default_rng(1))
     noise = data.z - flight.x[:, :3] @ data.H.T - CLOCK
     np.testing.assert_allclose((noise**2).mean(axis=0), data.variance, rtol=0.15)
     np.testing.assert_allclose(data.variance, 0.067**2 * (all_sigmas() ** 2 + TRANSFER**2))
@@ -68,24 +68,24 @@ def test_noise_has_the_variance_that_is_told(day):
 
 def test_draws_do_not_depend_on_what_is_observed(day):
     few = Mission(days=day.mission.days, pulsars=(2, 5))
-    data = simulate.observe(day.flight, few, preset("B"), np.random.default_rng(0))
+    data = simulate.observe(day.flight, few, preset("B").world, np.random.default_rng(0))
     np.testing.assert_array_equal(data.z, day.data.z[:, [1, 4]])
 
 
 def test_outliers_and_biases_follow_the_noise(day):
-    dirty = simulate.observe(day.flight, day.mission, preset("B"), np.random.default_rng(0), 0.3)
+    dirty = simulate.observe(day.flight, day.mission, preset("B").world, np.random.default_rng(0), 0.3)
     jump = (dirty.z - day.data.z) / all_sigmas()
     assert set(np.round(jump[jump != 0], 6)) == {-10.0, 10.0}
     assert 0.2 < (jump != 0).mean() < 0.4
     none, const, sign = (
-        simulate.observe(day.flight, day.mission, preset("B"), np.random.default_rng(0), bias=b).z
+        simulate.observe(day.flight, day.mission, preset("B").world, np.random.default_rng(0), bias=b).z
         for b in ("none", "const", "sign")
     )
     np.testing.assert_allclose(const - none, CLOCK + TRANSFER, atol=1e-6)
     np.testing.assert_allclose(np.abs(sign - none - CLOCK), TRANSFER, atol=1e-6)
     assert np.ptp(sign - none, axis=0).max() < 1e-6  # a constant for each pulsar
     with pytest.raises(ValueError, match="outlier_fraction"):
-        simulate.observe(day.flight, day.mission, preset("B"), np.random.default_rng(0), 1.5)
+        simulate.observe(day.flight, day.mission, preset("B").world, np.random.default_rng(0), 1.5)
 
 
 def test_one_detector(day):
@@ -98,15 +98,15 @@ def test_one_detector(day):
 
 def test_presets():
     assert list(PRESETS) == list("ABCDE")
-    np.testing.assert_allclose(preset("D").process_noise(500.0), np.diag(np.repeat([150.0**2, 0.6**2], 3)))
-    Q = preset("B").process_noise(500.0)
+    np.testing.assert_allclose(preset("D").belief.process_noise(500.0), np.diag(np.repeat([150.0**2, 0.6**2], 3)))
+    Q = preset("B").belief.process_noise(500.0)
     assert (
         Q[0, 0] == pytest.approx(1e-14 * 500**3 / 3)
         and Q[0, 3] == pytest.approx(1e-14 * 500**2 / 2)
         and Q[3, 3] == pytest.approx(1e-14 * 500)
     )
-    assert preset("E", q_pos=None, q_vel=3.0).q_vel == 3.0 and preset("E", q_vel=3.0).q_pos == 1.0
-    assert preset("C").with_tuned_noise().q_pos == 150.0
+    assert preset("E", q_pos=None, q_vel=3.0).belief.q_vel == 3.0 and preset("E", q_vel=3.0).belief.q_pos == 1.0
+    assert preset("C").tuned_belief().q_pos == 150.0
 
 
 @pytest.mark.parametrize(
@@ -117,7 +117,7 @@ def test_presets():
         (lambda: preset("A", sigma_scale=0.0), "sigma_scale = 0"),
         (lambda: preset("A", p0=(0.0, 1.0)), "sigmas must be positive"),
         (lambda: preset("A", noise="white"), "give qd or qc"),
-        (lambda: preset("A").with_tuned_noise(), "defines no tuned"),
+        (lambda: preset("A").tuned_belief(), "defines no tuned"),
         (lambda: Mission(days=0.001), "leaves no epoch"),
         (lambda: Mission(pulsars=(1, 8)), "numbers of Table 1"),
         (lambda: Mission(pulsars=()), "numbers of Table 1"),

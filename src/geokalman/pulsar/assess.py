@@ -1,4 +1,4 @@
-"""Where truth and estimate meet: position errors in ICRF axes, consistency, convergence, and ensembles of them."""
+"""Hold estimates against the truth: errors in ICRF axes, consistency, convergence."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ SETTLED = 100
 
 
 class Score(NamedTuple):
-    """One run: RMS of position in ICRF axes and in three dimensions [m], of velocity in Mars axes [m/s], NEES/6,
-    NIS per range.
+    """One run: RMS of position [m] and of velocity in Mars axes [m/s], and consistency.
 
+    x, y, z, d3 : in ICRF axes and in three dimensions; nees6, nis : NEES/6, NIS per range of the forward filter;
     early : 3-D RMS over rows 100 to 199 [m]; last : last k with a 3-D error above 1 km (0: none); fired : share of
     epochs with a factor below 1; skipped : share of epochs whose adaptation was skipped for want of three independent
-    pulsars; nis is that of the forward filter.
+    pulsars.
     """
 
     x: float
@@ -43,26 +43,25 @@ class Score(NamedTuple):
 
 
 def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
-    """Errors of position in ICRF axes [m] and of velocity in Mars axes [m/s], (n, 3) each."""
+    """Give the errors of position, ICRF axes [m], and velocity, Mars axes [m/s], (n, 3) each."""
     error = estimate.x - flight.x
     return error[:, :3] @ mars.smci_from_icrf(CENTURIES), error[:, 3:]
 
 
 def sigmas(estimate: Estimate) -> tuple[Array, Array]:
-    """Standard deviations that the filter states, of position in ICRF axes [m] and of velocity in Mars axes [m/s],
-    (n, 3) each."""
+    """Give the sigmas that the filter states of what `errors` gives, (n, 3) each."""
     R = mars.icrf_from_smci(CENTURIES)
     turned = np.einsum("ij,kjl,il->ki", R, estimate.P[:, :3, :3], R)
     return np.sqrt(turned), np.sqrt(np.diagonal(estimate.P[:, 3:, 3:], axis1=1, axis2=2))
 
 
 def rms(series: Array) -> Array:
-    """Root mean square over time, the first axis."""
+    """Give the root mean square over time, the first axis."""
     return np.sqrt((series**2).mean(axis=0))
 
 
 def score(estimate: Estimate, flight: Flight, first: int = SETTLED) -> Score:
-    """The numbers of one run over rows `first` to the last. Raises ValueError where nothing would be left."""
+    """Score one run over rows `first` to the last. Raises ValueError where none is left."""
     n = len(flight.t)
     if not 0 <= first < n:
         raise ValueError(f"first = {first} leaves no epoch of {n}; give more days.")
@@ -81,12 +80,12 @@ def score(estimate: Estimate, flight: Flight, first: int = SETTLED) -> Score:
 
 
 def kept(scores: Sequence[Score | Diverged]) -> list[Score]:
-    """The runs of an ensemble that were not stopped."""
+    """Keep the runs of an ensemble that were not stopped."""
     return [score for score in scores if isinstance(score, Score)]
 
 
 def _numbers(scores: Sequence[Score | Diverged]) -> Array:
-    """Scores as an array (runs, fields). Raises ValueError where there is none, or where one was stopped."""
+    """Put scores into an array (runs, fields). Raises ValueError for none, or one stopped."""
     if not scores:
         raise ValueError("an ensemble without runs has no mean; give at least one seed.")
     for i, score in enumerate(scores):
@@ -96,33 +95,32 @@ def _numbers(scores: Sequence[Score | Diverged]) -> Array:
 
 
 def mean(scores: Sequence[Score]) -> Score:
-    """Means over an ensemble. Raises ValueError where a run was stopped."""
+    """Average over an ensemble. Raises ValueError where a run was stopped."""
     return Score(*_numbers(scores).mean(axis=0).tolist())
 
 
 def spread(scores: Sequence[Score]) -> Score:
-    """Standard deviations over an ensemble (n - 1), zeros for a single run. Raises as `mean`."""
+    """Give standard deviations over an ensemble (n - 1), zeros for one run. Raises as `mean`."""
     values = _numbers(scores)
     return Score(*(values.std(axis=0, ddof=1) if len(values) > 1 else np.zeros(values.shape[1])).tolist())
 
 
 def false_alarm(k0: float, dof: int) -> float:
-    """Chance that s = sqrt(chi^2_dof / dof) of a good prediction exceeds k0, so that its factor falls below 1."""
+    """Give the chance that s = sqrt(chi^2_dof / dof) of a good prediction exceeds k0."""
     return float(gammaincc(0.5 * dof, 0.5 * dof * k0**2))
 
 
 def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:
-    """Mean over the seeds of the difference one - other of the 3-D RMS [m], and the standard error of that mean.
+    """Average the difference one - other of the 3-D RMS [m]; the mean and its standard error.
 
     The runs of one seed share their observations: the right statistic for filters whose results are close.
     """
     difference = np.array([a.d3 - b.d3 for a, b in zip(one, other, strict=True)])
-    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference))) if len(
-        difference
-    ) > 1 else 0.0
+    error = difference.std(ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+    return float(difference.mean()), float(error)
 
 
 def ordered(scores: Mapping[str, Sequence[Score]], names: Sequence[str]) -> bool:
-    """Do the mean 3-D errors of the named filters increase in this order?"""
+    """Tell whether the mean 3-D errors of the named filters increase in this order."""
     means = [mean(scores[name]).d3 for name in names]
     return all(a < b for a, b in zip(means, means[1:], strict=False))

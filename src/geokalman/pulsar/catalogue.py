@@ -1,4 +1,4 @@
-"""X-ray pulsars for navigation: Table 1, the directions to them, and the accuracy of a range from their pulses.
+"""X-ray pulsars for navigation: Table 1, directions, and the accuracy of a range.
 
 The body of the paper's Table 1 is lost. Fluxes, pulsed fractions and widths are those tabulated after Sheikh (2005,
 thesis, University of Maryland); those of B1509-58 and all distances are of the same literature but less certain.
@@ -27,9 +27,10 @@ class RangingWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Pulsar:
-    """One pulsar: position [deg, ICRS], period [s], flux [photon cm^-2 s^-1], pulsed fraction, pulse width at half
-    height [s], distance [m].
+    """One pulsar.
 
+    ra, dec [deg, ICRS]; period [s]; flux [photon cm^-2 s^-1]; pulsed : fraction; width : of the pulse at half height
+    [s]; distance [m].
     Raises ValueError, naming the pulsar and the value, for numbers that no pulsar has.
     """
 
@@ -46,27 +47,24 @@ class Pulsar:
         for key in ("ra", "dec", "period", "flux", "pulsed", "width", "distance"):
             if not math.isfinite(getattr(self, key)):
                 raise ValueError(f"{self.name}: {key} = {getattr(self, key)} is not finite.")
-        if not 0.0 <= self.ra < 360.0:
-            raise ValueError(f"{self.name}: right ascension {self.ra:g} deg is outside [0, 360).")
-        if not -90.0 <= self.dec <= 90.0:
-            raise ValueError(f"{self.name}: declination {self.dec:g} deg is outside [-90, 90].")
-        if self.flux <= 0.0 or self.distance <= 0.0 or self.width <= 0.0:
-            raise ValueError(
-                f"{self.name}: flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} "
-                "must be positive."
-            )
-        if self.period <= self.width:
-            raise ValueError(
-                f"{self.name}: period {self.period:g} s is not longer than the pulse width {self.width:g} s."
-            )
-        if not PARSEC <= self.distance <= 1e8 * PARSEC:
-            raise ValueError(
-                f"{self.name}: distance {self.distance:g} m is {self.distance / PARSEC:.3g} pc, not 1 pc to 100 Mpc."
-            )
-        if self.period > 1e5:
-            raise ValueError(f"{self.name}: period {self.period:g} s is longer than any pulsar's, 1e5 s.")
-        if not 0.0 < self.pulsed <= 1.0:
-            raise ValueError(f"{self.name}: pulsed fraction {self.pulsed:g} is outside (0, 1].")
+        parsecs = self.distance / PARSEC
+        for wrong, why in (
+            (not 0.0 <= self.ra < 360.0, f"right ascension {self.ra:g} deg is outside [0, 360)."),
+            (not -90.0 <= self.dec <= 90.0, f"declination {self.dec:g} deg is outside [-90, 90]."),
+            (
+                min(self.flux, self.distance, self.width) <= 0.0,
+                f"flux {self.flux:g}, width {self.width:g} and distance {self.distance:g} must be positive.",
+            ),
+            (
+                self.period <= self.width,
+                f"period {self.period:g} s is not longer than the pulse width {self.width:g} s.",
+            ),
+            (not 1.0 <= parsecs <= 1e8, f"distance {self.distance:g} m is {parsecs:.3g} pc, not 1 pc to 100 Mpc."),
+            (self.period > 1e5, f"period {self.period:g} s is longer than any pulsar's, 1e5 s."),
+            (not 0.0 < self.pulsed <= 1.0, f"pulsed fraction {self.pulsed:g} is outside (0, 1]."),
+        ):
+            if wrong:
+                raise ValueError(f"{self.name}: {why}")
 
     @property
     def direction(self) -> NDArray[np.float64]:
@@ -89,13 +87,15 @@ PULSARS = (
 
 
 def directions(pulsars: Sequence[Pulsar]) -> NDArray[np.float64]:
-    """Unit vectors to the pulsars in ICRF axes (m, 3)."""
+    """Give unit vectors to the pulsars in ICRF axes (m, 3)."""
     return np.array([pulsar.direction for pulsar in pulsars])
 
 
 def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The directions (m, 3), unless one is not a unit vector or two are the same: then ValueError with their
-    numbers."""
+    """Give back directions (m, 3).
+
+    Raises ValueError, with their numbers, where one is no unit vector or two are the same.
+    """
     vectors = np.asarray(vectors, dtype=float)
     if vectors.ndim != 2 or vectors.shape[1] != 3:
         raise ValueError(f"directions have the shape {vectors.shape}; they must be (m, 3).")
@@ -105,16 +105,15 @@ def require_distinct(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     for k in range(len(vectors)):
         for i in range(k):
             if np.abs(vectors[k] - vectors[i]).max() < 1e-12:
-                raise ValueError(
-                    f"directions {i + 1} and {k + 1} are the same pulsar; it gives one observation, not two."
-                )
+                twice = f"directions {i + 1} and {k + 1}"
+                raise ValueError(f"{twice} are the same pulsar; it gives one observation, not two.")
     return vectors
 
 
 def ranging_sigma(
     pulsar: Pulsar, area: float = AREA, duration: float = DURATION, background: float = BACKGROUND
 ) -> float:
-    """Accuracy of the range to a pulsar [m] from photons counted for a while.
+    """Give the accuracy of the range to a pulsar [m] from photons counted for a while.
 
     sigma = c W / (2 SNR),  SNR = F A p T / sqrt([B + F (1 - p)] A T d + F A p T),  d = W / P.
     area A [cm^2]; duration T [s]; background B [photon cm^-2 s^-1]; F flux, p pulsed fraction, W width, P period.
@@ -128,20 +127,16 @@ def ranging_sigma(
     noise = (background + pulsar.flux * (1.0 - pulsar.pulsed)) * area * duration * pulsar.width / pulsar.period
     sigma = C_LIGHT * pulsar.width / (2.0 * signal / math.sqrt(noise + signal))
     if not 1.0 <= sigma <= 1e5:
-        warnings.warn(
-            f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; "
-            f"area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1",
-            RangingWarning,
-            stacklevel=2,
-        )
+        hint = f"area must be in cm^2 (it is {area:g}), flux in photon cm^-2 s^-1"
+        text = f"{pulsar.name}: a range to {sigma:.3g} m in {duration:g} s; {hint}"
+        warnings.warn(text, RangingWarning, stacklevel=2)
     return sigma
 
 
 def single_epoch_covariance(vectors: NDArray[np.float64], sigmas: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Covariance (3, 3) [m^2] of a position by least squares from one range to each pulsar, in the axes of the
-    directions (m, 3).
+    """Give the covariance (3, 3) [m^2] of a position by least squares from a range to each.
 
-    sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
+    vectors (m, 3); sigmas (m,) [m]. Raises ValueError where the directions leave a direction of space undetermined.
     """
     scaled = require_distinct(vectors) / np.asarray(sigmas)[:, None]
     if np.linalg.matrix_rank(scaled * np.min(sigmas), tol=1e-12) < 3:

@@ -1,4 +1,4 @@
-"""What the times of a FITS table mean: unit, time scale, reference date, offset, and the place they were taken at.
+"""Read what the times of a FITS table mean: unit, scale, reference, offset, and place.
 
 Sources: OGIP/93-003, sections 4.2 to 4.4; FITS Standard 4.0, section 9.
 """
@@ -30,7 +30,7 @@ _COARSE = 1e-3  # [s]: steps of time that matter to a pulsar
 
 
 class Times(NamedTuple):
-    """Times t + zero [s] since the Julian date jd (TT or TDB); t as the column has them, in seconds."""
+    """Times t + zero [s] since the Julian date jd (TT or TDB); t as the column has them."""
 
     t: Array
     zero: float
@@ -38,13 +38,13 @@ class Times(NamedTuple):
 
 
 def times(table: Table, column: str) -> Times:
-    """Times of a column of a table, in its unit, time scale and reference.
+    """Read times of a column, in its unit, time scale and reference.
 
     TUNIT (else TIMEUNIT, else s) is the unit, TIMEUNIT that of TIMEZERO; MJDREF, MJDREFI + MJDREFF or their
     counterparts in Julian dates, or DATEREF the reference; TIMEZERO or TIMEZERI + TIMEZERF (else 0) is added; TAI and
-    GPS are turned into TT. A keyword that the table lacks may stand in the first header of the file. Raises FitsError where
-    these contradict one another, for another time scale or unit, and for a time that is null, not finite, too coarse,
-    or not between 1960 and 2100.
+    GPS are turned into TT. A keyword that the table lacks may stand in the first header of the file.
+    Raises FitsError where these contradict one another, for another time scale or unit, and for a time that is null,
+    not finite, too coarse, or not between 1960 and 2100.
     """
     header = table.header
     t = table.finite(column)
@@ -65,8 +65,11 @@ def times(table: Table, column: str) -> Times:
 
 
 def refuse_strays(table: Table, column: str, t: Array, order: Array) -> None:
-    """FitsError for times that mean none (zero or negative, where half are a day or more), and for a few that stand
-    years away from all others; t (n,) [s] as in the column, ascending, order its rows."""
+    """Refuse times that mean none, and a few that stand years away from all others.
+
+    t (n,) [s] as in the column, ascending; order : its rows. Raises FitsError for the latter, and for zero or negative
+    times where half are a day or more.
+    """
     if t[0] <= 0.0 and t[len(t) // 2] > 86400.0:
         raise table.header.error(f"column {column} has {t[0]:g} s in row {order[0] + 1}, a null value; leave it out.")
     edge = max(1, len(t) // 100)
@@ -81,14 +84,16 @@ def refuse_strays(table: Table, column: str, t: Array, order: Array) -> None:
 
 
 def moments(table: Table, *keys: str) -> Array:
-    """Times of keywords (n,), as TSTART, in seconds since the same date as `times` plus their offset."""
+    """Read times of keywords (n,), as TSTART, in seconds since the date of `times` + offset."""
     t = np.array([table.header.number(key) for key in keys]) * _unit(table, "TIMEUNIT")
     return t + (_offset(table) + _scale(table))
 
 
 def middle(table: Table) -> float:
-    """Seconds from the time of an event to the middle of the step it was recorded in, (1/2 - TIMEPIXR) TIMEDEL, where
-    steps are longer than a millisecond (frames of a camera), else 0."""
+    """Give the seconds from the time of an event to the middle of its step, else 0.
+
+    (1/2 - TIMEPIXR) TIMEDEL where steps are longer than a millisecond (frames of a camera).
+    """
     header = table.header
     step, part = header.number("TIMEDEL", 0.0) * _unit(table, "TIMEUNIT"), header.number("TIMEPIXR", 0.5)
     if step < 0.0 or not 0.0 <= part <= 1.0:
@@ -97,8 +102,10 @@ def middle(table: Table) -> float:
 
 
 def place(table: Table) -> str:
-    """Where the times of a table were taken: LOCAL (at the satellite), SOLARSYSTEM (at the barycentre), or empty where
-    the header has neither TIMEREF nor TREFPOS. Raises FitsError for another place, and where the two differ."""
+    """Tell where times were taken: LOCAL (the satellite), SOLARSYSTEM (the barycentre), or "".
+
+    Raises FitsError for another place in TIMEREF or TREFPOS, and where the two differ.
+    """
     found = {}
     for key in ("TIMEREF", "TREFPOS"):
         if name := _home(table, key).text(key):
@@ -113,13 +120,13 @@ def place(table: Table) -> str:
 
 
 def _home(table: Table, *keys: str) -> Header:
-    """The header that has one of the keywords: the table's own, else the first of the file."""
+    """Find the header with one of the keywords: the table's own, else the first of the file."""
     own = any(table.header.value(key) is not None for key in keys)
     return table.header if own or not any(key in table.primary for key in keys) else table.primary
 
 
 def _unit(table: Table, *keys: str) -> float:
-    """Seconds in the unit that the keywords name, s where none does; FitsError where they differ."""
+    """Give seconds in the unit of the keywords, s where none names one; FitsError on dispute."""
     units = {key: unit for key in keys if (unit := _home(table, key).text(key).lower())}
     for key, unit in units.items():
         if unit not in _UNITS:
@@ -131,7 +138,7 @@ def _unit(table: Table, *keys: str) -> float:
 
 
 def _scale(table: Table) -> float:
-    """TT (or TDB) minus the time scale of a table [s]."""
+    """Give TT (or TDB) minus the time scale of a table [s]."""
     name = _home(table, "TIMESYS").text("TIMESYS")
     if not name:
         table.header.warn("the header lacks TIMESYS, the time scale; TT is taken.")
@@ -142,12 +149,12 @@ def _scale(table: Table) -> float:
 
 
 def has_reference(header: Header) -> bool:
-    """Whether a header says what its times count from."""
+    """Tell whether a header says what its times count from."""
     return any(header.value(key) is not None for key in _REFERENCES)
 
 
 def _reference(table: Table) -> float:
-    """Julian date that the times count from."""
+    """Give the Julian date that the times count from."""
     for name, zero in (("MJDREF", MJD_ZERO), ("JDREF", 0.0)):
         pair = (f"{name}I", f"{name}F")
         header = _home(table, name, *pair)
@@ -172,7 +179,7 @@ def _reference(table: Table) -> float:
 
 
 def _offset(table: Table) -> float:
-    """The clock correction to add to every time [s]; 0 where the header has none."""
+    """Give the clock correction to add to every time [s]; 0 where the header has none."""
     forms = (("TIMEZERO",), ("TIMEZERI", "TIMEZERF"), ("TIMEOFFS",))
     header = _home(table, *(key for keys in forms for key in keys))
     given = {

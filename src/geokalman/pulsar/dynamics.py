@@ -1,4 +1,4 @@
-"""The force on the orbiter, J2 alone or with the whole field, Sun and sunlight, and a Runge-Kutta step in it.
+"""The force on the orbiter, J2 alone or with the whole field; a Runge-Kutta step in it.
 
 One compiled force serves truth and filters: a = a_J2 + lambda (a_rich - a_J2), equations (2) and (3).
 """
@@ -28,16 +28,23 @@ GM, RADIUS, J2, LAMBDA, W0, OMEGA, SUN_GM, SUNLIGHT = range(8)
 
 @dataclass(frozen=True)
 class Force:
-    """Packed arrays of the force: head (constants by the names above), field (for `acceleration_point`), sun (n, 3)
-    [m]."""
+    """The force as arrays: head, field and sun.
+
+    head : constants by the names above; field : for `acceleration_point`; sun : (n, 3) [m].
+    """
 
     head: Array
     field: Array
     sun: Array
 
+    @property
+    def packed(self) -> Array:
+        """All of it in one vector, as `unpack` takes it."""
+        return np.concatenate([[float(len(self.field))], self.head, self.field, self.sun.ravel()])
+
 
 def j2_force(gravity: GravityField) -> Force:
-    """Point mass and J2 of a field: what the paper's filters carry."""
+    """Give point mass and J2 of a field: what the paper's filters carry."""
     head = np.array([gravity.gm, gravity.radius, mars.j2(gravity), 0.0, 0.0, 0.0, 0.0, 0.0])
     return Force(head, np.zeros(1), np.zeros((2, 3)))
 
@@ -45,30 +52,34 @@ def j2_force(gravity: GravityField) -> Force:
 def rich_force(
     gravity: GravityField, mission: Mission, mismatch: float = 1.0, ephemeris: Ephemeris | None = None
 ) -> Force:
-    """The field to its whole degree turning with Mars, the Sun as third body, and sunlight; `mismatch` is lambda.
+    """Give the whole field turning with Mars, the Sun as third body, and sunlight.
 
-    ephemeris : None is the vendored DE421. Raises ValueError for a mismatch that is negative or not finite, and
-    OutsideEphemeris.
+    mismatch : lambda; ephemeris : None is the vendored DE421. Raises ValueError for a mismatch that is negative or not
+    finite, and OutsideEphemeris.
     """
     if not 0.0 <= mismatch < np.inf:
         raise ValueError(f"mismatch lambda = {mismatch:g} must be finite and not negative.")
     if mismatch == 0.0:
         return j2_force(gravity)
-    ephemeris = ephemeris or load_ephemeris()
-    hours = np.arange(int(np.ceil(mission.days * DAY / SUN_STEP)) + 2)
-    sun = ephemeris.position("sun", mission.orbit.epoch, SUN_STEP * hours, centre="mars") @ mars.icrf_from_smci(
-        CENTURIES
-    )
+    seconds = SUN_STEP * np.arange(int(np.ceil(mission.days * DAY / SUN_STEP)) + 2)
+    sun = (ephemeris or load_ephemeris()).position("sun", mission.orbit.epoch, seconds, centre="mars")
     head = np.array([
         gravity.gm, gravity.radius, mars.j2(gravity), mismatch, mars.prime_meridian(mission.orbit.epoch), mars.OMEGA,
         GM_SUN, SOLAR_PRESSURE * REFLECTION,
     ])  # fmt: skip
-    return Force(head, pack(gravity), np.ascontiguousarray(sun))
+    return Force(head, pack(gravity), np.ascontiguousarray(sun @ mars.icrf_from_smci(CENTURIES)))
+
+
+@njit(cache=True)
+def unpack(p):
+    """View head, field and sun of a packed force."""
+    first, last = 1 + SUNLIGHT + 1, 1 + SUNLIGHT + 1 + int(p[0])
+    return p[1:first], p[first:last], p[last:].reshape((p.size - last) // 3, 3)
 
 
 @njit(cache=True, nogil=True)
 def force_point(t, r, head, field, sun, out):
-    """Acceleration at time t [s] and position r (3,) [m] in the inertial Mars frame, written to out (3,) [m s^-2]."""
+    """Write the acceleration at t [s] and r (3,) [m], inertial Mars frame, to out [m s^-2]."""
     j2_point(r, head[GM], head[RADIUS], head[J2], out)
     share = head[LAMBDA]
     if share == 0.0:
@@ -93,39 +104,44 @@ def force_point(t, r, head, field, sun, out):
 
 
 @njit(cache=True, nogil=True)
-def runge_kutta_step(t, y, h, head, field, sun, work):
-    """One step of the classical Runge-Kutta method for y = [r, v] (6,), in place; work (5, 6) is scratch."""
-    stage, total = work[0], work[1]
-    k = work[2]
-    for j in range(6):
+def runge_kutta_step(t, y, h, head, field, sun, work, tau=np.inf):
+    """Step y = [r, v] (6,), or [r, v, a] (9,), by the classical Runge-Kutta method, in place.
+
+    a : an acceleration beside the force that decays with tau [s]; work : (3, y.size), scratch.
+    """
+    stage, total, k = work[0], work[1], work[2]
+    for j in range(y.size):
         stage[j] = y[j]
         total[j] = 0.0
     for s in range(4):
-        force_point(t + (0.0 if s == 0 else (h if s == 3 else 0.5 * h)), stage[:3], head, field, sun, k[3:])
+        force_point(t + (0.0 if s == 0 else (h if s == 3 else 0.5 * h)), stage[:3], head, field, sun, k[3:6])
         for j in range(3):
             k[j] = stage[3 + j]
+        for j in range(6, y.size):
+            k[j - 3] += stage[j]
+            k[j] = -stage[j] / tau
         weight = 1.0 if s == 0 or s == 3 else 2.0
         reach = h if s == 2 else 0.5 * h
-        for j in range(6):
+        for j in range(y.size):
             total[j] += weight * k[j]
             stage[j] = y[j] + reach * k[j]
-    for j in range(6):
+    for j in range(y.size):
         y[j] += h / 6.0 * total[j]
 
 
 @njit(cache=True, nogil=True)
 def gradient_point(r, head, out):
-    """Gravity gradient (10) of the J2 field, which all filters use, written to out (3, 3) [s^-2]."""
+    """Write the gravity gradient (10) of the J2 field, which all filters use, to out [s^-2]."""
     j2_gradient_point(r, head[GM], head[RADIUS], head[J2], out)
 
 
 @njit(cache=True, nogil=True)
 def orbit_loop(y0, t, steps, head, field, sun, out):
-    """States (n, 6) at times t (n,) from y0 (6,) at t = 0, with `steps` Runge-Kutta steps per interval.
+    """Fill out (n, 6) with states at t (n,) from y0 at t = 0, `steps` Runge-Kutta steps each.
 
     Returns -1, or the row where the orbit met Mars or stopped being finite.
     """
-    y, work = y0.copy(), np.empty((5, 6))
+    y, work = y0.copy(), np.empty((3, 6))
     now = 0.0
     for i in range(t.size):
         h = (t[i] - now) / steps

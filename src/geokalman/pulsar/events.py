@@ -1,4 +1,4 @@
-"""Lists of photons in FITS files: times in order, each photon once, with their good-time intervals."""
+"""Read lists of photons: times in order, each photon once, with good-time intervals."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ _SLACK = 1.0  # [s] beyond a good-time interval, where rounding is no matter
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """Photons: t (n,) [s], ascending, since the Julian date jd of the file (its time system, TT or TDB), and where the
-    time was taken.
+    """Photons in the order of time.
 
-    name : the object, else the file; local : times at the satellite (TIMEREF LOCAL), not at the barycentre;
-    exposure : sum of the good-time intervals [s], or nan;
-    phase : (n,) pulse phases [cycles] where the file has them, else None.
+    name : the object, else the file; t (n,) [s] since the Julian date jd of the file (its time system, TT or TDB);
+    local : times at the satellite (TIMEREF LOCAL), not at the barycentre; exposure : sum of the good-time intervals
+    [s], or nan; phase : (n,) pulse phases [cycles] where the file has them, else None.
     """
 
     name: str
@@ -41,7 +40,7 @@ class Events:
 
 
 def read_events(path: str | os.PathLike) -> Events:
-    """Photons of a FITS event file, sorted by time.
+    """Read photons of a FITS event file, sorted by time.
 
     Photons that stand there twice because a list was merged with itself are taken once, with a FitsWarning; photons
     outside the good-time intervals are kept, with one too. Raises FitsError where the file has no events, does not say
@@ -73,7 +72,7 @@ def read_events(path: str | os.PathLike) -> Events:
 
 
 def _event_table(tables: list[Table], path: str | os.PathLike) -> Table:
-    """The table of events: the one that is called so, else the first with a column TIME that is called nothing else."""
+    """Find the table called events, else the first with TIME that is called nothing else."""
     timed = [t for t in tables if "TIME" in t.columns and not _is_gti(t)]
     called = [t for t in timed if t.header.text("HDUCLAS1").startswith("EVENT") or t.name.upper().startswith("EVENT")]
     if len(called) > 1:
@@ -89,7 +88,7 @@ def _event_table(tables: list[Table], path: str | os.PathLike) -> Table:
 
 
 def _phases(table: Table) -> Array:
-    """The column PULSE_PHASE; FitsError where a value is null, not finite, or far from all others."""
+    """Read PULSE_PHASE; FitsError where a value is null, not finite, or far from all others."""
     phase = table.finite("PULSE_PHASE").astype(float)
     away = np.abs(phase - np.median(phase)) > 10.0
     if away.any() and away.sum() <= 0.5 * len(phase):
@@ -103,7 +102,7 @@ def _is_gti(table: Table) -> bool:
 
 
 def _once(t: Array) -> Array:
-    """Indices (m,) of the events to keep of ascending times t (n,).
+    """Give indices (m,) of the events to keep of ascending times t (n,).
 
     Photons may share a time by chance, but not a run of `_RUN` neighbouring times an even number of times each, or a
     multiple of three.
@@ -123,7 +122,7 @@ def _once(t: Array) -> Array:
 
 
 def _exposure(tables: list[Table], events: Table, t: Array, jd: float) -> float:
-    """Length of the good-time intervals of the first table of them [s], each second once; nan where there is none.
+    """Sum the good-time intervals of their first table [s], each second once; nan without one.
 
     Raises FitsError for an interval that ends before it starts, and where all events t (n,) [s] since jd stand outside
     the intervals, or outside TSTART to TSTOP where there are none.

@@ -1,4 +1,4 @@
-"""Reading the binary tables of FITS files (event lists, satellite orbits), plain or packed.
+"""Read the binary tables of FITS files (event lists, satellite orbits), plain or packed.
 
 Only what photon files need: columns of numbers and logicals, scalar or short vectors, with TSCAL, TZERO and TNULL. No
 size that a header names is trusted. Source: FITS Standard 4.0, sections 3, 4 and 7.3.
@@ -33,7 +33,7 @@ _QUOTED = re.compile(r"'((?:[^']|'')*)'?")
 
 
 class FitsError(InputError):
-    """A FITS file that cannot be used as it is; the message names file, table and keyword, column or row."""
+    """A FITS file that cannot be used; the message names file, table and keyword or row."""
 
 
 class FitsWarning(UserWarning):
@@ -41,7 +41,7 @@ class FitsWarning(UserWarning):
 
 
 class Header(dict[str, Any]):
-    """Values by keyword, in capitals: text, whole numbers, floats, logicals; None where a value is undefined.
+    """Values by keyword, in capitals: text, numbers, logicals; None where one is undefined.
 
     where : file and table, for messages; doubled : keywords that stand there again with another value.
     """
@@ -52,7 +52,7 @@ class Header(dict[str, Any]):
         self.doubled: set[str] = set()
 
     def error(self, text: str) -> FitsError:
-        """The error to raise, beginning with file and table."""
+        """Make the error to raise, beginning with file and table."""
         return FitsError(f"{self.where}: {text}")
 
     def warn(self, text: str) -> None:
@@ -60,18 +60,18 @@ class Header(dict[str, Any]):
         warnings.warn(f"{self.where}: {text}", FitsWarning, stacklevel=2)
 
     def value(self, key: str) -> Any:
-        """Value of a keyword, None where it is absent or undefined; FitsError where the header contradicts itself."""
+        """Give a value, None where absent or undefined; FitsError where it stands there twice."""
         if key in self.doubled:
             raise self.error(f"{key} stands there twice with different values; keep the right one.")
         return self.get(key)
 
     def text(self, key: str) -> str:
-        """Value of a keyword as text in capitals, empty where it is absent."""
+        """Give a value as text in capitals, empty where it is absent."""
         value = self.value(key)
         return "" if value is None else str(value).strip().upper()
 
     def number(self, key: str, default: float | None = None) -> float:
-        """Value of a keyword as a finite float, also where it is written as text; no default: it must be there."""
+        """Give a value as a finite float, even if written as text; without default it must be."""
         value = self.value(key)
         if value is None and default is not None:
             return default
@@ -83,7 +83,7 @@ class Header(dict[str, Any]):
             raise self.error(f"{key} = {error}") from None
 
     def integer(self, key: str, low: int, high: int, default: int | None = None) -> int:
-        """Value of a keyword as a whole number from low to high; no default: it must be there."""
+        """Give a value as a whole number from low to high; without default it must be there."""
         self.number(key, default)
         try:
             value = reading.integer(str(self.get(key) if self.get(key) is not None else default))
@@ -95,7 +95,7 @@ class Header(dict[str, Any]):
 
 
 class _Field(NamedTuple):
-    """A column: its number from 1, first byte in a row, elements, and kind (or a word for what cannot be read)."""
+    """A column: number from 1, first byte in a row, elements, and kind, or why it is refused."""
 
     number: int
     offset: int
@@ -104,9 +104,10 @@ class _Field(NamedTuple):
 
 
 class Columns(Mapping[str, np.ndarray]):
-    """Columns of a binary table by name, in any case: (rows,), or (rows, n) for vectors; unpacked when asked for.
+    """Columns of a binary table by name, in any case, unpacked when asked for.
 
-    Raises KeyError for a name that is not there, and FitsError for a column that holds no numbers.
+    (rows,), or (rows, n) for vectors. Raises KeyError for a name that is not there, and FitsError for a column that
+    holds no numbers.
     """
 
     def __init__(self, header: Header, page: np.ndarray, fields: list[_Field]) -> None:
@@ -131,7 +132,7 @@ class Columns(Mapping[str, np.ndarray]):
         return self._unpacked(name, self.field(name))
 
     def field(self, name: str) -> _Field:
-        """Where a column stands."""
+        """Tell where a column stands."""
         field, *others = self._fields[name.upper()]
         if others:
             raise self._header.error(f"the columns {field.number} and {others[0].number} are both called {name}.")
@@ -169,7 +170,7 @@ class Columns(Mapping[str, np.ndarray]):
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One table: its extension name, its header, the header of the file, and its columns in native numbers."""
+    """One table: extension name, header, header of the file, and columns in native numbers."""
 
     name: str
     header: Header
@@ -177,14 +178,14 @@ class Table:
     primary: Header
 
     def column(self, name: str) -> np.ndarray:
-        """The numbers of a column; FitsError where there is none."""
+        """Give the numbers of a column; FitsError where there is none."""
         if name not in self.columns:
             there = ", ".join(self.columns) or "none"
             raise self.header.error(f"there is no column {name}; the columns are {there}.")
         return self.columns[name]
 
     def finite(self, name: str) -> np.ndarray:
-        """The numbers of a column; FitsError, naming the first row from 1, where one is null or not finite."""
+        """Give a column; FitsError, with the first row from 1, where one is null or not finite."""
         values = self.column(name)
         bad = np.flatnonzero(~np.isfinite(values.reshape(len(values), math.prod(values.shape[1:]))).all(axis=1))
         if bad.size:
@@ -193,17 +194,20 @@ class Table:
         return values
 
     def unit(self, name: str) -> str:
-        """TUNIT of a column, empty where it has none."""
+        """Give TUNIT of a column, empty where it has none."""
         return str(self.header.value(f"TUNIT{self.columns.field(name).number}") or "").strip()
 
 
 def read_fits(path: str | os.PathLike) -> list[Table]:
-    """The tables of a FITS file. Raises FileNotFoundError, FitsError, and what `reading.open_bytes` does."""
+    """Read the tables of a FITS file.
+
+    Raises FileNotFoundError, FitsError, and what `reading.open_bytes` does.
+    """
     return parse_fits(reading.read_bytes(path, "FITS file", FitsError), str(path))
 
 
 def parse_fits(content: bytes, name: str) -> list[Table]:
-    """The tables in the bytes of a FITS file called `name`. Raises FitsError.
+    """Parse the tables in the bytes of a FITS file called `name`. Raises FitsError.
 
     Tables whose columns cannot be read (ASCII, tile-compressed) are listed too, and refused when a column is asked for.
     """
@@ -263,7 +267,7 @@ def _value(text: str) -> Any:
 
 
 def _end(content: bytes, start: int, header: Header) -> int:
-    """Where the data that a header describes end, filled to a whole block; FitsError where the file ends before."""
+    """Tell where data end, filled to a whole block; FitsError where the file ends before."""
     bits = header.integer("BITPIX", -64, 64)
     if bits not in (8, 16, 32, 64, -32, -64):
         raise header.error(f"BITPIX = {bits}; 8, 16, 32, 64, -32 or -64 is needed.")
@@ -281,7 +285,7 @@ def _end(content: bytes, start: int, header: Header) -> int:
 
 
 def _fields(content: bytes, start: int, header: Header) -> tuple[np.ndarray, list[_Field]]:
-    """Bytes of the rows of a table (rows, width), and its columns."""
+    """Give the bytes of the rows of a table (rows, width), and its columns."""
     numbers = range(1, header.integer("TFIELDS", 0, 999) + 1)
     refused = "numbers written as text (XTENSION = TABLE)" if header.text("XTENSION") == "TABLE" else ""
     if header.value("ZTABLE") is True:

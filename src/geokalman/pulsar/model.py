@@ -1,4 +1,4 @@
-"""The experiment: pulsars and how well they range, the orbiter, the field it flies in, and the presets A to E.
+"""What an experiment is of: pulsars, orbiter, mission, and the presets A to E.
 
 Source throughout: Wei, Yang, Zhang, Liu & Yi (2014); its tables are lost, so what stands here is a reconstruction: see
 the page of the paper for the source of each value. Equation numbers are the paper's.
@@ -32,7 +32,7 @@ DAY = 86400.0
 
 
 class Orbit(NamedTuple):
-    """Elements of the orbiter in the inertial Mars equatorial frame: [m, -, rad ...], and the epoch JD TDB."""
+    """Elements in the inertial Mars equatorial frame [m, -, rad ...], and the epoch JD TDB."""
 
     a: float = 3780e3
     e: float = 0.0085
@@ -44,89 +44,110 @@ class Orbit(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Preset:
-    """What is true and what the filter believes.
+class World:
+    """What is true of an experiment, unknown to its filters.
 
-    mismatch : lambda of the truth, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
-    range and transfer noise; noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white
-    acceleration q_acc [m/s^1.5];
-    p0 : sigmas of initial position [m] and velocity [m/s]; error : initial error of every component [m, m/s];
-    tuned : (q_pos, q_vel) of the tuned filter, or None; aekf1 : the default variant of AEKF1.
-    Raises ValueError for sigmas that are not positive.
+    mismatch : lambda of the true field, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
+    range and transfer noise; error : of every component of the initial estimate [m, m/s].
+    Raises ValueError for a scale that is not positive and an error that is not finite.
     """
 
-    name: str
-    meaning: str
-    mismatch: float
-    sigma_scale: float
-    noise: str
+    mismatch: float = 0.0
+    sigma_scale: float = 1.0
+    error: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require_positive(sigma_scale=self.sigma_scale)
+        if not all(map(math.isfinite, self.error)):
+            raise ValueError(f"error = {self.error} of the initial estimate must be finite.")
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What a filter believes of its start and of its motion.
+
+    noise : "qd" for diag(q_pos^2 x3, q_vel^2 x3) [m, m/s] per 500 s, "qc" for white acceleration q_acc [m/s^1.5];
+    p0 : sigmas of initial position [m] and velocity [m/s].
+    Raises ValueError for sigmas that are not positive and another noise.
+    """
+
+    noise: str = "qd"
     q_pos: float = 1.0
     q_vel: float = 1e-3
     q_acc: float = 1e-7
     p0: tuple[float, float] = (1e3, 1.0)
-    error: tuple[float, float] = (0.0, 0.0)
-    tuned: tuple[float, float] | None = None
-    aekf1: str = "aekf1_prw"
 
     def __post_init__(self) -> None:
-        for name in ("sigma_scale", "q_pos", "q_vel", "q_acc"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} = {value:g} of preset {self.name} is not a positive number.")
-        if not (min(self.p0) > 0 and all(map(math.isfinite, self.p0 + self.error))):
-            raise ValueError(
-                f"p0 = {self.p0}, error = {self.error} of preset {self.name}: sigmas must be positive, errors finite."
-            )
+        _require_positive(q_pos=self.q_pos, q_vel=self.q_vel, q_acc=self.q_acc)
+        if not (min(self.p0) > 0 and all(map(math.isfinite, self.p0))):
+            raise ValueError(f"p0 = {self.p0}: sigmas must be positive and finite.")
         if self.noise not in ("qd", "qc"):
-            raise ValueError(f"noise = {self.noise!r} of preset {self.name} is unknown; give qd or qc.")
+            raise ValueError(f"noise = {self.noise!r} is unknown; give qd or qc.")
 
     def process_noise(self, dt: float) -> Array:
-        """Q of a step of dt [s] (6, 6): that of 500 s, in proportion (qd), or integrated white acceleration (qc)."""
-        Q = np.zeros((6, 6))
-        i = np.arange(3)
+        """Give Q of a step of dt [s] (6, 6): that of 500 s, in proportion, or integrated (qc)."""
         if self.noise == "qd":
-            Q[i, i], Q[i + 3, i + 3] = self.q_pos**2 * dt / STEP, self.q_vel**2 * dt / STEP
-        else:
-            q2 = self.q_acc**2
-            Q[i, i], Q[i + 3, i + 3] = q2 * dt**3 / 3, q2 * dt
-            Q[i, i + 3] = Q[i + 3, i] = q2 * dt**2 / 2
-        return Q
+            return np.diag(np.repeat([self.q_pos**2 * dt / STEP, self.q_vel**2 * dt / STEP], 3))
+        q2 = self.q_acc**2
+        return np.kron([[q2 * dt**3 / 3, q2 * dt**2 / 2], [q2 * dt**2 / 2, q2 * dt]], np.eye(3))
 
     @property
     def P0(self) -> Array:
         """Initial covariance (6, 6)."""
         return np.diag(np.repeat(self.p0, 3) ** 2)
 
-    def with_tuned_noise(self) -> Preset:
-        """The preset with its tuned process noise. Raises ValueError where none is defined."""
+
+def _require_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"{name} = {value:g} is not a positive number.")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A named experiment: its world, the filters' belief, and (q_pos, q_vel) of a tuned one."""
+
+    name: str
+    meaning: str
+    world: World
+    belief: Belief
+    tuned: tuple[float, float] | None = None
+
+    def tuned_belief(self) -> Belief:
+        """Give the belief with the tuned process noise. Raises ValueError where none is defined."""
         if self.tuned is None:
             raise ValueError(f"preset {self.name} defines no tuned process noise; C and E do.")
-        return replace(self, noise="qd", q_pos=self.tuned[0], q_vel=self.tuned[1])
+        return replace(self.belief, noise="qd", q_pos=self.tuned[0], q_vel=self.tuned[1])
 
 
+REAL = World(mismatch=1.0)
 PRESETS = {
     p.name: p
     for p in (
-        Preset("A", "over-confident start", 0.0, 1.0, "qc", p0=(10.0, 0.01), error=(1000.0, 0.5), aekf1="aekf1_pr3"),
-        Preset("B", "everything consistent", 0.0, 1.0, "qc", aekf1="aekf1_pr3"),
-        Preset("C", "J2 filter in the real field, process noise too small", 1.0, 1.0, "qd", tuned=(150.0, 0.6)),
-        Preset("D", "J2 filter in the real field, process noise tuned", 1.0, 1.0, "qd", q_pos=150.0, q_vel=0.6),
-        Preset("E", "as C, with ranges 15 times more accurate", 1.0, 0.067, "qd", tuned=(70.0, 0.28)),
+        Preset("A", "over-confident start", World(error=(1000.0, 0.5)), Belief("qc", p0=(10.0, 0.01))),
+        Preset("B", "everything consistent", World(), Belief("qc")),
+        Preset("C", "J2 filter in the real field, process noise too small", REAL, Belief(), tuned=(150.0, 0.6)),
+        Preset("D", "J2 filter in the real field, process noise tuned", REAL, Belief(q_pos=150.0, q_vel=0.6)),
+        Preset("E", "as C, with ranges 15 times more accurate", World(1.0, 0.067), Belief(), tuned=(70.0, 0.28)),
     )
 }
 
 
 def preset(name: str, **changes: Any) -> Preset:
-    """The preset of that name; changes that are not None replace its fields. Raises ValueError for another name."""
+    """Give the preset of that name, with changes of world and belief that are not None.
+
+    Raises ValueError for another name.
+    """
     if name not in PRESETS:
         raise ValueError(f"preset {name!r} is unknown; the presets are {', '.join(PRESETS)}.")
-    given = {key: value for key, value in changes.items() if value is not None}
-    return replace(PRESETS[name], **given) if given else PRESETS[name]
+    chosen, given = PRESETS[name], {key: value for key, value in changes.items() if value is not None}
+    world = {key: given.pop(key) for key in ("mismatch", "sigma_scale", "error") if key in given}
+    return replace(chosen, world=replace(chosen.world, **world), belief=replace(chosen.belief, **given))
 
 
 @dataclass(frozen=True)
 class Mission:
-    """The orbiter, how long it is observed and by which pulsars, in the inertial frame of the Mars equator.
+    """The orbiter, how long it is observed and by which pulsars.
 
     Raises ValueError for a span without epochs and for pulsars that are unknown or named twice.
     """
@@ -147,7 +168,7 @@ class Mission:
 
     @classmethod
     def from_parameters(cls, parameters: dict[str, Any]) -> Mission:
-        """The mission of a notebook's parameters: `raan_deg`, `days` and `pulsars`, where they are given."""
+        """Make the mission of a notebook's parameters `raan_deg`, `days` and `pulsars`."""
         p = parameters
         orbit = Orbit(raan=math.radians(p["raan_deg"])) if "raan_deg" in p else Orbit()
         return cls(orbit, p.get("days", cls.days), tuple(p.get("pulsars", cls.pulsars)))
@@ -168,19 +189,19 @@ class Mission:
         return [k - 1 for k in self.pulsars]
 
     def H(self) -> Array:
-        """Directions to the observed pulsars in the inertial Mars frame: the position columns of (13), (m, 3)."""
+        """Give the directions to the observed pulsars: the position columns of (13), (m, 3)."""
         return np.ascontiguousarray(all_directions()[self.columns])
 
     def sigmas(self) -> Array:
-        """Ranging accuracy (14)-(16) of the observed pulsars in 500 s with a square metre [m], (m,)."""
+        """Give the ranging accuracy (14)-(16) of the observed pulsars in 500 s [m], (m,)."""
         return all_sigmas()[self.columns]
 
 
 def all_directions() -> Array:
-    """Unit vectors to the seven pulsars in the inertial Mars frame (7, 3)."""
+    """Give unit vectors to the seven pulsars in the inertial Mars frame (7, 3)."""
     return directions(PULSARS) @ mars.icrf_from_smci(CENTURIES)
 
 
 def all_sigmas() -> Array:
-    """Ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
+    """Give the ranging accuracy of the seven pulsars in 500 s with a square metre [m], (7,)."""
     return np.array([ranging_sigma(pulsar) for pulsar in PULSARS])

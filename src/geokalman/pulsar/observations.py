@@ -1,4 +1,4 @@
-"""What a filter may see: ranges along the lines to pulsars, at their epochs, and how good they are."""
+"""What a filter may see: ranges along the lines to pulsars, and how good they are."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from geokalman.pulsar.model import Array
 
 @dataclass(frozen=True)
 class Observations:
-    """Ranges z (n, m) [m] at times t (n,) [s] after the initial state, directions H (m, 3), variances (m,) [m^2].
+    """Ranges to m pulsars at n epochs.
 
-    A missing range is NaN. Raises ValueError for shapes that do not fit, epochs that do not increase or do not come
-    after the initial state, an infinite range, directions that are no distinct unit vectors, and variances that are
-    not positive.
+    t (n,) [s] after the initial state; z (n, m) [m], NaN where missing; H : directions (m, 3); variance (m,) [m^2].
+    Raises ValueError for shapes that do not fit, epochs that do not increase or do not come after the initial state,
+    an infinite range, directions that are no distinct unit vectors, and variances that are not positive.
     """
 
     t: Array
@@ -47,5 +47,5 @@ class Observations:
             raise ValueError(f"variances {self.variance.tolist()} m^2: each must be positive and finite.")
 
     def masked(self, mask: Array) -> Observations:
-        """The observations without those where mask (n, m) is true, e.g. of pulsars near the Sun."""
+        """Leave out those where mask (n, m) is true, e.g. of pulsars near the Sun."""
         return Observations(self.t, np.where(mask, np.nan, self.z), self.H, self.variance)

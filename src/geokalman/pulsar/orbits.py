@@ -1,4 +1,4 @@
-"""Orbits of satellites about the Earth from FITS files, checked against the Earth's gravity as they are read."""
+"""Read orbits of satellites from FITS files, checked against the Earth's gravity."""
 
 from __future__ import annotations
 
@@ -30,8 +30,10 @@ _INERTIAL = ("ICRS", "ICRF", "GCRS", "GCRF", "FK5", "J2000", "J2000.0", "EME2000
 
 @dataclass(frozen=True, eq=False)
 class SatelliteOrbit:
-    """Positions r (n, 3) [m] and velocities v (n, 3) [m/s] of a satellite about the Earth at t (n,) [s] since jd,
-    ICRF axes; name : where they come from, for messages."""
+    """The orbit of a satellite about the Earth in ICRF axes.
+
+    r (n, 3) [m], v (n, 3) [m/s] at t (n,) [s] since the Julian date jd; name : where they come from, for messages.
+    """
 
     t: Array
     jd: float
@@ -40,7 +42,7 @@ class SatelliteOrbit:
     name: str = "the orbit"
 
     def position(self, seconds: Array, jd: float) -> Array:
-        """Positions (n, 3) [m] at times [s] since jd, by cubic Hermite interpolation.
+        """Give positions (n, 3) [m] at times [s] since jd, by cubic Hermite interpolation.
 
         Raises ValueError where the orbit does not cover them, and where they stand in a hole of it: more than three
         steps and 60 s from the next record, or where the interpolation errs by more than a kilometre, by
@@ -52,10 +54,8 @@ class SatelliteOrbit:
                 " to ".join(f"{self.jd - clock.MJD_ZERO + x / 86400.0:.5f}" for x in ends)
                 for ends in ((self.t[0], self.t[-1]), (at.min(), at.max()))
             )
-            raise ValueError(
-                f"{self.name}: the records cover MJD {orbit}, the events MJD {events}; "
-                "give the orbit file of their day."
-            )
+            covered = f"{self.name}: the records cover MJD {orbit}"
+            raise ValueError(f"{covered}, the events MJD {events}; give the orbit file of their day.")
         step = np.diff(self.t)
         radius = _norm(self.r)
         error = step**4 / 384.0 * GM_EARTH**2 / np.minimum(radius[1:], radius[:-1]) ** 5
@@ -72,22 +72,21 @@ class SatelliteOrbit:
 
 
 def read_orbit(path: str | os.PathLike) -> SatelliteOrbit:
-    """A satellite's orbit from a FITS file with columns Time, X, Y, Z, Vx, Vy, Vz (RXTE's FPorbit, NICER), with vectors
-    POSITION and VELOCITY (NuSTAR), or START and SC_POSITION (Fermi's FT2); units m or km, and s.
+    """Read a satellite's orbit from a FITS file.
 
-    Records are sorted and doubled ones taken once, with a FitsWarning; velocities that are not there follow from the
-    positions and the Earth's gravity. Raises FitsError, with the row, for positions and velocities that are null, not
-    finite, inside the Earth, beyond 2 million km, or against their neighbours; for other units and axes; and where
-    velocities or accelerations as a whole are not those of an orbit.
+    Columns Time, X, Y, Z, Vx, Vy, Vz (RXTE's FPorbit, NICER), vectors POSITION and VELOCITY (NuSTAR), or START and
+    SC_POSITION (Fermi's FT2); units m or km, and s. Records are sorted and doubled ones taken once, with a FitsWarning;
+    velocities that are not there follow from the positions and the Earth's gravity.
+    Raises FitsError, with the row, for positions and velocities that are null, not finite, inside the Earth, beyond 2
+    million km, or against their neighbours; for other units and axes; and where velocities or accelerations as a whole
+    are not those of an orbit.
     """
     for table in read_fits(path):
         for time, positions, speeds in _LAYOUTS:
             if time in table.columns and all(name in table.columns for name in positions):
                 return _orbit(table, time, positions, speeds)
-    raise FitsError(
-        f"{path} has no table with Time, X, Y, Z, Vx, Vy, Vz (or POSITION and VELOCITY, or SC_POSITION); "
-        "give an orbit file."
-    )
+    columns = "Time, X, Y, Z, Vx, Vy, Vz (or POSITION and VELOCITY, or SC_POSITION)"
+    raise FitsError(f"{path} has no table with {columns}; give an orbit file.")
 
 
 def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[str, ...]) -> SatelliteOrbit:
@@ -137,7 +136,7 @@ def _require_inertial(header: Header) -> None:
 
 
 def _vectors(table: Table, names: tuple[str, ...], units: re.Pattern[str]) -> Array:
-    """Vectors (n, 3) in m or m/s from three columns, or one of three elements; no unit is m or m/s."""
+    """Give vectors (n, 3) in m or m/s from three columns, or one of three elements."""
     parts = []
     for name in names:
         unit = table.unit(name).replace(" ", "").lower()
@@ -156,7 +155,7 @@ def _norm(vectors: Array) -> Array:
 
 
 def _velocities(t: Array, r: Array) -> Array:
-    """Velocities (n, 3) [m/s] of positions, each from the shorter interval beside it and the Earth's gravity a.
+    """Give velocities (n, 3) [m/s] of positions, by the shorter interval beside and gravity a.
 
     v_0 = (r_1 - r_0)/h - h (2 a_0 + a_1)/6, v_1 = (r_1 - r_0)/h + h (a_0 + 2 a_1)/6, to the third order in h.
     """
@@ -168,7 +167,7 @@ def _velocities(t: Array, r: Array) -> Array:
 
 
 def _misfit(t: Array, r: Array, v: Array | None) -> tuple[Array, Array, Array]:
-    """How far records (n) are from an orbit about the Earth, over each interval (n - 1,) that is short enough to tell.
+    """Tell how far records (n) are from an orbit, over each interval (n - 1,) short enough.
 
     Returns the misfit of position and velocity to one another relative to the way, that of velocity to gravity relative
     to its change, and the larger of both as a part of what is allowed: `_TOLERANCE` and ten times the error of the
@@ -190,19 +189,15 @@ def _misfit(t: Array, r: Array, v: Array | None) -> tuple[Array, Array, Array]:
 
 
 def _check_motion(header: Header, t: Array, r: Array, v: Array | None, rows: Array) -> None:
-    """FitsError where records (n) are not those of an orbit about the Earth in inertial axes; rows (n,) are their
-    numbers."""
+    """Refuse records (n), of these rows, that are not of an orbit about the Earth (FitsError)."""
     moved, turned, worst = _misfit(t, r, v)
     if moved.size and np.median(moved) > 0.05:
         speed, chord = np.median(_norm(v)), np.median(_norm(np.diff(r, axis=0)) / np.diff(t))
-        raise header.error(
-            f"the velocities are {speed:.4g} m/s, but the positions move otherwise, by {chord:.4g} m/s; check units."
-        )
+        moving = f"the positions move otherwise, by {chord:.4g} m/s"
+        raise header.error(f"the velocities are {speed:.4g} m/s, but {moving}; check units.")
     if turned.size and np.median(turned) > 0.05:
-        raise header.error(
-            f"the acceleration differs by {np.median(turned):.0%} from the Earth's gravity; are the axes Earth-fixed, "
-            "or the times in another unit?"
-        )
+        differs = f"the acceleration differs by {np.median(turned):.0%} from the Earth's gravity"
+        raise header.error(f"{differs}; are the axes Earth-fixed, or the times in another unit?")
     k = int(worst.argmax())
     if worst[k] <= 1.0:
         return

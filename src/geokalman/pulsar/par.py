@@ -1,4 +1,4 @@
-"""Ephemerides of pulsars in .par files, as TEMPO, TEMPO2 and PINT write them: direction and frequency."""
+"""Read ephemerides of pulsars, .par files of TEMPO, TEMPO2 and PINT: direction, frequency."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class ParWarning(UserWarning):
 
 
 class Par(dict[str, str]):
-    """First values of a .par file by name, in capitals and under the usual name too (RAJ for RA, ELONG for LAMBDA)."""
+    """First values of a .par file by name, in capitals and under the usual name (RAJ for RA)."""
 
     def __init__(self, path: str | os.PathLike) -> None:
         super().__init__()
@@ -59,7 +59,7 @@ class Par(dict[str, str]):
             self.places.setdefault(key, place)
 
     def number(self, name: str, low: float, high: float, default: float | None = None) -> float:
-        """Value of a parameter from low to high; ParError where it is not, or is missing and there is no default."""
+        """Give a parameter from low to high; ParError outside, and where it must be there."""
         if name not in self:
             if default is None:
                 raise self.file.error(f"the parameter {name} is missing.")
@@ -70,7 +70,7 @@ class Par(dict[str, str]):
         return value
 
     def angle(self, name: str, low: float, high: float) -> float:
-        """Degrees, or hours, written as 12:34:56.7 from low to high."""
+        """Give degrees, or hours, written as 12:34:56.7 from low to high."""
         if name not in self:
             raise self.file.error(f"the parameter {name} is missing.")
         match, place = _SEXAGESIMAL.fullmatch(self[name]), self.places[name]
@@ -85,12 +85,12 @@ class Par(dict[str, str]):
         return value
 
     def degrees(self, name: str, low: float, high: float) -> float:
-        """Degrees, written as 301.97 or as 301:58:23."""
+        """Give degrees, written as 301.97 or as 301:58:23."""
         return self.angle(name, low, high) if ":" in self.get(name, ":") else self.number(name, low, high)
 
 
 def read_par(path: str | os.PathLike) -> Par:
-    """The parameters of a .par file; comments (#, and C at the start of a line) are left out.
+    """Read a .par file; comments (#, and C at the start of a line) are left out.
 
     Warns, with a ParWarning, where UNITS is TCB. Raises ParError, with the line, for a position or a spin that cannot
     be right and for what contradicts itself, and what `reading.open_bytes` does.
@@ -121,13 +121,13 @@ def read_par(path: str | os.PathLike) -> Par:
 
 
 def _units(par: Par) -> tuple[str, str]:
-    """The keyword that tells the scale of time, and its value; without UNITS, EPHVER 5 means TCB, as TEMPO2 has it."""
+    """Give the keyword of the scale of time, and its value; EPHVER 5 alone means TCB."""
     key = "UNITS" if "UNITS" in par or "EPHVER" not in par else "EPHVER"
     return key, par.get(key, "TDB").upper()
 
 
 def _same(one: str, other: str) -> bool:
-    """Whether two values are the same text or the same number."""
+    """Tell whether two values are the same text or the same number."""
     try:
         return one == other or reading.number(one) == reading.number(other)
     except ValueError:
@@ -135,9 +135,10 @@ def _same(one: str, other: str) -> bool:
 
 
 def par_direction(par: Par, mjd: float | None = None) -> Array:
-    """Unit vector (3,) to the pulsar of a .par file in ICRF axes, from RAJ (hours) and DECJ (degrees), or ELONG and
-    ELAT [deg] with the obliquity that ECL names; with its proper motion [mas/yr] since POSEPOCH where an mjd is given.
+    """Give the unit vector (3,) to the pulsar in ICRF axes.
 
+    From RAJ (hours) and DECJ (degrees), or ELONG and ELAT [deg] with the obliquity that ECL names; with its proper
+    motion [mas/yr] since POSEPOCH where an mjd is given.
     Raises ParError for a position that is missing, or on no sphere, for two that differ by more than 20 arcsec, and for
     another equinox than J2000.
     """
@@ -175,11 +176,10 @@ def par_direction(par: Par, mjd: float | None = None) -> Array:
 
 
 def par_frequency(par: Par, seconds: float, jd: float) -> float:
-    """Frequency F0 + F1 (t - PEPOCH) [Hz] of the pulsar at its own barycentric time, seconds since the Julian date jd
-    (TDB); F2 and higher terms are left out.
+    """Give the frequency F0 + F1 (t - PEPOCH) [Hz], t at the pulsar, seconds since jd (TDB).
 
-    F0 and F1 may stand as P0 and P1. Warns, with a ParWarning, of a binary orbit and of glitches, which are left out
-    too. Raises ParError for a spin that is missing, or no pulsar's.
+    F0 and F1 may stand as P0 and P1; F2 and higher terms are left out. Warns, with a ParWarning, of a binary orbit and
+    of glitches, which are left out too. Raises ParError for a spin that is missing, or no pulsar's.
     """
     if left := [key for key in par if key == "BINARY" or key.startswith("GLEP")]:
         text = f"{', '.join(left)}: the pulsar's own orbit and glitches are left out of its frequency."
@@ -189,7 +189,7 @@ def par_frequency(par: Par, seconds: float, jd: float) -> float:
 
 
 def _spin(par: Par) -> tuple[float, float, float]:
-    """F0 [Hz], F1 [Hz/s] and PEPOCH [MJD] in TDB."""
+    """Give F0 [Hz], F1 [Hz/s] and PEPOCH [MJD] in TDB."""
     period = par.number("P0", 5e-4, 1e5, 0.0)
     f0 = 1.0 / period if period and "F0" not in par else par.number("F0", 1e-5, 2000.0)
     if period and abs(f0 * period - 1.0) > 1e-6:

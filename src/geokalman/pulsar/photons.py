@@ -1,4 +1,4 @@
-"""Real photons of pulsars: the way of the light to the barycentre, folding, and times of arrival."""
+"""Real photons of pulsars: barycentring, folding, and times of arrival."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ MAX_TURNS = 3e9
 
 
 class Timing(NamedTuple):
-    """Times of arrival of pieces: middle [s], residual after a linear fit [s], formal sigma [s]; rms over n - 2;
-    Z_1^2 and frequency [Hz] of all."""
+    """Times of arrival of pieces.
+
+    t : middle [s]; residual : after a linear fit [s]; sigma, formal [s]; rms over n - 2; z2, frequency [Hz] of all.
+    """
 
     t: Array
     residual: Array
@@ -37,22 +39,19 @@ class Timing(NamedTuple):
     frequency: float
 
 
-def barycentred(events: Events, direction: Array, orbit: SatelliteOrbit | None, earth: bool = True, scale: float = 1.0,
-                ephemeris: Ephemeris | None = None) -> Array:  # fmt: skip
-    """Times at the solar-system barycentre by the Roemer delays, t + (n . r_Earth + scale n . r_satellite) / c,
-    (n,) [s].
+def barycentred(
+    events: Events, direction: Array, orbit: SatelliteOrbit | None, earth: bool = True, scale: float = 1.0,
+    ephemeris: Ephemeris | None = None,
+) -> Array:  # fmt: skip
+    """Move times to the barycentre: t + n . (r_Earth + scale r_satellite) / c (Roemer delays).
 
     direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the
-    Earth's;
-    scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour, is
-    left out.
-    Raises ValueError for events that are at the barycentre already.
+    Earth's; scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour,
+    is left out. Returns (n,) [s]. Raises ValueError for events that are at the barycentre already.
     """
     if not events.local:
-        raise ValueError(
-            f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM); "
-            "correcting them twice moves them by minutes."
-        )
+        already = f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM)"
+        raise ValueError(f"{already}; correcting them twice moves them by minutes.")
     t = events.t.copy()
     if earth:
         t += (ephemeris or load_ephemeris()).position("earth", events.jd, events.t) @ direction / C_LIGHT
@@ -62,9 +61,9 @@ def barycentred(events: Events, direction: Array, orbit: SatelliteOrbit | None, 
 
 
 def z_squared(phase: Array, harmonics: int = 1) -> Array:
-    """Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`; phase (n,) [cycles]; returns
-    (harmonics,). Raises ValueError where there is no phase, or one that is not finite.
+    """Give Z_m^2 = (2/N) sum_k |sum_j exp(2 pi i k phi_j)|^2 for m = 1 to `harmonics`.
 
+    phase (n,) [cycles]; returns (harmonics,). Raises ValueError for no phase, or one that is not finite.
     Source: Buccheri et al. (1983), Astron. Astrophys. 128, 245.
     """
     k = np.arange(1, harmonics + 1)
@@ -75,13 +74,12 @@ def z_squared(phase: Array, harmonics: int = 1) -> Array:
 
 
 def h_test(phase: Array) -> float:
-    """H = max over m of 1 to 20 of Z_m^2 - 4 m + 4. Source: de Jager, Raubenheimer & Swanepoel (1989), Astron.
-    Astrophys. 221, 180."""
+    """Give H = max over m of 1 to 20 of Z_m^2 - 4 m + 4 (de Jager et al. 1989, A&A 221, 180)."""
     return float((z_squared(phase, 20) - 4.0 * np.arange(20)).max())
 
 
 def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[float, float]:
-    """Frequency [Hz] within half_width of `near` where Z_1^2 of the times t (n,) [s] is largest, and that Z_1^2.
+    """Find the frequency [Hz] near another where Z_1^2 of times t (n,) [s] is largest; both.
 
     Raises ValueError where the maximum stands at an end of the interval, and where chance alone would give it in more
     than one of a thousand searches: exp(-Z_1^2 / 2) for each of the independent frequencies, 1/T apart; and, before
@@ -92,35 +90,27 @@ def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[flo
     if not t[-1] > 0.0:
         raise ValueError(f"the {len(t)} events all have the same time; they last no time to see a frequency in.")
     step = 0.1 / t[-1]
-    if 2.0 * half_width / step * len(t) > MAX_TURNS:
-        raise ValueError(
-            f"{len(t)} events over {t[-1] / 86400.0:.3g} d would take {2.0 * half_width / step:.3g} frequencies to "
-            "search; give a shorter part of them."
-        )
+    if (count := 2.0 * half_width / step) * len(t) > MAX_TURNS:
+        days = t[-1] / 86400.0
+        raise ValueError(f"{len(t)} events over {days:.3g} d would take {count:.3g} frequencies to search; give fewer.")
     grid = near + np.arange(-np.ceil(half_width / step), np.ceil(half_width / step) + 1) * step
     power = np.array([z_squared(f * t)[0] for f in grid])
-    k = int(power.argmax())
+    k, none = int(power.argmax()), f"no pulsation within {half_width:g} Hz of {near:g} Hz"
     if k in (0, len(grid) - 1):
-        raise ValueError(
-            f"no pulsation within {half_width:g} Hz of {near:g} Hz: Z^2 is largest at the end of the interval."
-        )
+        raise ValueError(f"{none}: Z^2 is largest at the end of the interval.")
     chance = min(1.0, max(1.0, 2.0 * half_width * t[-1]) * np.exp(-0.5 * power[k]))
     if chance > 1e-3:
-        raise ValueError(
-            f"no pulsation within {half_width:g} Hz of {near:g} Hz: the largest Z^2, {power[k]:.1f} at {grid[k]:.5f} "
-            f"Hz, comes by chance in {chance:.1%} of such searches."
-        )
-    found = minimize_scalar(
-        lambda f: -z_squared(f * t)[0], bounds=(grid[k - 1], grid[k + 1]), method="bounded", options={"xatol": 1e-10}
-    )
+        largest = f"the largest Z^2, {power[k]:.1f} at {grid[k]:.5f} Hz"
+        raise ValueError(f"{none}: {largest}, comes by chance in {chance:.1%} of such searches.")
+    where = {"bounds": (grid[k - 1], grid[k + 1]), "method": "bounded", "options": {"xatol": 1e-10}}
+    found = minimize_scalar(lambda f: -z_squared(f * t)[0], **where)
     return float(found.x), float(-found.fun)
 
 
 def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) -> Timing:
-    """Times of arrival of consecutive pieces from the phase of the fundamental at the best frequency of all photons.
+    """Time consecutive pieces by the phase of the fundamental at the best frequency of all.
 
     t (n,) [s], in any order; pieces of `piece` seconds are counted from the first photon, later photons dropped.
-    Residuals are those of a linear fit.
     Raises ValueError for fewer than three pieces and for a piece without photons.
     """
     if pieces < 3:
@@ -129,9 +119,8 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
     since = since - since[0]
     parts = np.split(since, np.searchsorted(since, piece * np.arange(1, pieces + 1)))[:pieces]
     if empty := [k + 1 for k, inside in enumerate(parts) if not inside.size]:
-        raise ValueError(
-            f"piece {empty[0]} of {piece:g} s has no photon; the events last {since[-1]:.0f} s. Give shorter pieces, or fewer."
-        )
+        lasting = f"the events last {since[-1]:.0f} s. Give shorter pieces, or fewer."
+        raise ValueError(f"piece {empty[0]} of {piece:g} s has no photon; {lasting}")
     frequency, power = best_frequency(t, near)
     angle, sigma = np.empty(pieces), np.empty(pieces)
     for k, inside in enumerate(parts):
@@ -145,21 +134,19 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
 
 
 def orbit_scale(events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array) -> Array:
-    """Z_1^2 at the best frequency with the satellite's Roemer delay times each scale: (len(scales),)."""
+    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay."""
     return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near, 1e-3)[1] for s in scales])
 
 
 def within_one(scales: Array, power: Array) -> tuple[float, float]:
-    """Where a curve of Z^2 falls one below its maximum on either side, a standard deviation; linearly interpolated.
+    """Find where Z^2 falls one below its maximum on either side, a standard deviation.
 
     scales, power (n,), ascending in scales. Raises ValueError where the curve does not fall so far on a side.
     """
     top, level = int(power.argmax()), power.max() - 1.0
     if power[: top + 1].min() > level or power[top:].min() > level:
-        raise ValueError(
-            f"Z^2 does not fall by one on both sides of scale {scales[top]:g} between {scales[0]:g} and {scales[-1]:g}: "
-            "there are too few photons, or too little of an orbit, to tell the scale."
-        )
+        within = f"of scale {scales[top]:g} between {scales[0]:g} and {scales[-1]:g}"
+        raise ValueError(f"Z^2 does not fall by one on both sides {within}: too few photons, or too short an orbit.")
     low = int(np.flatnonzero(power[:top] <= level)[-1])
     high = top + int(np.flatnonzero(power[top:] <= level)[0])
     left = np.interp(level, power[low : low + 2], scales[low : low + 2])

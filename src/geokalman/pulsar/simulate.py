@@ -1,4 +1,4 @@
-"""The simulated flight: the true orbit, and the ranges that pulsar photons would give, with their errors."""
+"""Simulate the flight: the true orbit, and the ranges of pulsar photons with their errors."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from geokalman.physics.field import GravityField
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.pulsar.dynamics import Force, orbit_loop, rich_force
-from geokalman.pulsar.model import CLOCK, STEP, TRANSFER, Array, Mission, Preset, all_directions, all_sigmas
+from geokalman.pulsar.model import CLOCK, STEP, TRANSFER, Array, Mission, World, all_directions, all_sigmas
 from geokalman.pulsar.observations import Observations
 
 Bias = Literal["white", "const", "sign", "none"]
@@ -20,7 +20,10 @@ TRUTH_STEP = 10.0
 
 @dataclass(frozen=True)
 class Flight:
-    """The true orbit: initial state (6,), times t (n,) [s] and states x (n, 6) [m, m/s] in the inertial Mars frame."""
+    """The true orbit in the inertial Mars frame.
+
+    x0 : initial state (6,); t (n,) [s]; x : states (n, 6) [m, m/s].
+    """
 
     x0: Array
     t: Array
@@ -28,20 +31,19 @@ class Flight:
 
 
 def initial_state(mission: Mission, gravity: GravityField) -> Array:
-    """True state (6,) [m, m/s] at k = 0 from the elements of the orbit.
+    """Give the true state (6,) [m, m/s] at k = 0 from the elements of the orbit.
 
     Raises ValueError for an orbit that is no ellipse or meets Mars.
     """
     orbit = mission.orbit
     if orbit.a * (1.0 - orbit.e) <= gravity.radius:
-        raise ValueError(
-            f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {gravity.radius / 1e3:g} km."
-        )
+        radius = gravity.radius / 1e3
+        raise ValueError(f"a = {orbit.a / 1e3:g} km with e = {orbit.e:g} meets Mars, whose radius is {radius:g} km.")
     return kepler_to_state(orbit[:6], gravity.gm)
 
 
 def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: float = TRUTH_STEP) -> Flight:
-    """The true orbit at every epoch of the mission, by Runge-Kutta steps of `step` seconds.
+    """Fly the true orbit to every epoch of the mission, in Runge-Kutta steps of `step` s.
 
     mismatch : lambda of the field that is true, 0 for J2 and 1 for the rich one. Raises ArithmeticError where it
     meets Mars.
@@ -51,8 +53,7 @@ def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: fl
 
 
 def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
-    """The orbit from x0 at t = 0 in a given force, at times t (n,) [s] up to STEP apart, in Runge-Kutta steps of at
-    most `step`."""
+    """Fly from x0 at t = 0 in a force to t (n,) [s], up to STEP apart, in steps up to `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
@@ -61,14 +62,9 @@ def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Fligh
 
 
 def observe(
-    flight: Flight,
-    mission: Mission,
-    preset: Preset,
-    rng: np.random.Generator,
-    outlier_fraction: float = 0.0,
-    outlier_size: float = 10.0,
-    bias: Bias = "white",
-) -> Observations:
+    flight: Flight, mission: Mission, world: World, rng: np.random.Generator, outlier_fraction: float = 0.0,
+    outlier_size: float = 10.0, bias: Bias = "white",
+) -> Observations:  # fmt: skip
     """Ranges along the lines to the pulsars (11) with the errors of the experiment.
 
     The draws are those of all seven pulsars, whatever is observed, in this order: range noise (n, 7); transfer
@@ -79,7 +75,7 @@ def observe(
     """
     if not 0.0 <= outlier_fraction <= 1.0:
         raise ValueError(f"outlier_fraction = {outlier_fraction:g} is outside [0, 1].")
-    n, scale = len(flight.t), preset.sigma_scale
+    n, scale = len(flight.t), world.sigma_scale
     directions, sigma = all_directions(), scale * all_sigmas()
     z = flight.x[:, :3] @ directions.T + rng.standard_normal((n, len(sigma))) * sigma
     if bias == "white":
@@ -97,17 +93,15 @@ def observe(
 
 
 def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> Observations:
-    """The observations that one detector makes, pointed at one pulsar an epoch: epoch j sees order[j mod n], the
-    rest is NaN.
+    """Observe by one detector: epoch j sees pulsar order[j mod n], the rest is NaN.
 
     order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar
     that is not there.
     """
     missing = [k for k in order if k - 1 not in columns]
     if missing or not order:
-        raise ValueError(
-            f"order = {order}: pulsars {missing} are not observed; give some of {[c + 1 for c in columns]}."
-        )
+        there = [c + 1 for c in columns]
+        raise ValueError(f"order = {order}: pulsars {missing} are not observed; give some of {there}.")
     z = np.full_like(data.z, np.nan)
     rows = np.arange(len(z))
     seen = np.array([columns.index(k - 1) for k in order])[rows % len(order)]
@@ -116,9 +110,9 @@ def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> O
 
 
 def mismatch_rms(truth: Flight, force: Force) -> tuple[float, float]:
-    """What one step of 500 s of a force misses of the truth: RMS per component of position [m] and velocity [m/s].
+    """Give what one step of 500 s of a force misses of the truth, from every true state anew.
 
-    The force restarts from every true state.
+    RMS per component of position [m] and velocity [m/s].
     """
     starts = np.vstack([truth.x0, truth.x[:-1]])
     miss = np.empty_like(starts)

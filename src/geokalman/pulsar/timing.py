@@ -1,8 +1,9 @@
-"""The way of a pulse through the solar system: Roemer delay, parallax, the Sun's Shapiro delay, and their differences.
+"""Delays of a pulse in the solar system, and what they differ by at the orbiter.
 
-t_SSB = t + n.b/c + ((n.b)^2 - b^2)/(2 c D) + (2 GM_Sun/c^3) ln|n.b_S + |b_S||, with b from the barycentre and b_S from
-the Sun.
-The differences between the orbiter and the centre of Mars are formed without cancellation. Source: Sheikh (2005).
+Roemer delay, parallax and the Sun's Shapiro delay: t_SSB = t + n.b/c + ((n.b)^2 - b^2)/(2 c D)
++ (2 GM_Sun/c^3) ln|n.b_S + |b_S||, with b (..., 3) [m] from the barycentre, b_S (..., 3) [m] from the Sun, n (3,) to
+the pulsar, D [m] its distance. Differences between the orbiter, r (..., 3) [m] from the centre of Mars, and that centre
+are formed without cancellation. Source: Sheikh (2005).
 """
 
 from __future__ import annotations
@@ -21,29 +22,28 @@ masked."""
 
 
 def roemer(n: Array, b: Array) -> Array:
-    """Roemer delay n.b/c [s]; n (3,) to the pulsar, b (..., 3) from the barycentre [m]."""
+    """Give the Roemer delay n.b/c [s]."""
     return b @ n / C_LIGHT
 
 
 def parallax(n: Array, b: Array, distance: float) -> Array:
-    """Parallax ((n.b)^2 - b^2)/(2 c D) [s]; b (..., 3) [m], distance D [m]."""
+    """Give the parallax ((n.b)^2 - b^2)/(2 c D) [s]."""
     return ((b @ n) ** 2 - np.einsum("...i,...i", b, b)) / (2.0 * C_LIGHT * distance)
 
 
 def shapiro(n: Array, b_sun: Array) -> Array:
-    """Shapiro delay (2 GM/c^3) ln|n.b_S + |b_S|| [s], up to a constant; b_S (..., 3) from the Sun [m]."""
+    """Give the Shapiro delay (2 GM/c^3) ln|n.b_S + |b_S|| [s], up to a constant."""
     return SHAPIRO * np.log(np.abs(b_sun @ n + np.sqrt(np.einsum("...i,...i", b_sun, b_sun))))
 
 
 def differential_parallax(n: Array, b: Array, r: Array, distance: float) -> Array:
-    """Parallax at b + r minus that at b [m]: ((n.r)(2 n.b + n.r) - r.(2 b + r))/(2 D); b, r (..., 3) [m]."""
+    """Difference the parallax [m]: ((n.r)(2 n.b + n.r) - r.(2 b + r))/(2 D)."""
     nr = r @ n
     return (nr * (2.0 * (b @ n) + nr) - np.einsum("...i,...i", r, 2.0 * b + r)) / (2.0 * distance)
 
 
 def differential_shapiro(n: Array, b_sun: Array, r: Array) -> Array:
-    """Shapiro delay at b_S + r minus that at b_S [m]: c (2 GM/c^3) ln(1 + change / (n.b_S + |b_S|)); b_S, r (...,
-    3) [m]."""
+    """Difference the Shapiro delay [m]: c (2 GM/c^3) ln(1 + change / (n.b_S + |b_S|))."""
     norm = np.sqrt(np.einsum("...i,...i", b_sun, b_sun))
     moved = np.sqrt(np.einsum("...i,...i", b_sun + r, b_sun + r))
     change = r @ n + np.einsum("...i,...i", r, 2.0 * b_sun + r) / (moved + norm)
@@ -51,30 +51,30 @@ def differential_shapiro(n: Array, b_sun: Array, r: Array) -> Array:
 
 
 def largest_parallax(n: Array, b: Array, height: float, distance: float) -> Array:
-    """Largest differential parallax [m] over all directions of an orbiter `height` [m] from the centre: |(n.b) n -
-    b| r/D."""
+    """Give the largest difference [m] `height` [m] from the centre: |(n.b) n - b| r/D."""
     across = (b @ n)[..., None] * n - b
     return np.sqrt(np.einsum("...i,...i", across, across)) * height / distance
 
 
 def largest_shapiro(n: Array, b_sun: Array, height: float) -> Array:
-    """Largest differential Shapiro delay [m] over all directions, to first order: c (2 GM/c^3) |n + b_S/|b_S||
-    r/(n.b_S + |b_S|)."""
+    """Give the largest difference [m] to first order, `height` [m] from the centre.
+
+    c (2 GM/c^3) |n + b_S/|b_S|| r/(n.b_S + |b_S|).
+    """
     norm = np.sqrt(np.einsum("...i,...i", b_sun, b_sun))
     gradient = n + b_sun / norm[..., None]
     return C_LIGHT * SHAPIRO * np.sqrt(np.einsum("...i,...i", gradient, gradient)) * height / (b_sun @ n + norm)
 
 
 def sun_angle(n: Array, b_sun: Array) -> Array:
-    """Angle [rad] between pulsar and Sun as seen from Mars; b_S (..., 3) from the Sun to Mars [m]."""
+    """Give the angle [rad] between pulsar and Sun as seen from Mars."""
     cosine = -(b_sun @ n) / np.sqrt(np.einsum("...i,...i", b_sun, b_sun))
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
 def near_sun(directions: Array, b_sun: Array, limit: float = CONJUNCTION) -> NDArray[np.bool_]:
-    """Which ranges to mask: pulsars (m, 3) closer to the Sun than `limit` [rad], Mars at b_S (n, 3) from the Sun
-    [m]; (n, m).
+    """Tell which ranges to mask: pulsars (m, 3) closer to the Sun than `limit` [rad]; (n, m).
 
-    Directions and b_S in the same axes.
+    b_sun : (n, 3), in the axes of the directions.
     """
     return np.column_stack([sun_angle(n, b_sun) for n in directions]) < limit

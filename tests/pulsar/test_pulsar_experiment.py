@@ -8,8 +8,8 @@ import pytest
 
 from geokalman.kalman import monte_carlo
 from geokalman.physics import mars
-from geokalman.pulsar import assess, ensemble, estimate, simulate
-from geokalman.pulsar.ensemble import Experiment, Method
+from geokalman.pulsar import assess, experiment, estimate, simulate
+from geokalman.pulsar.experiment import Experiment, Method
 from geokalman.pulsar.model import CENTURIES, Mission, preset
 
 
@@ -25,7 +25,7 @@ def trial(day):
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
 def test_the_same_numbers_for_one_and_two_workers(trial):
-    one, two = (ensemble.ensemble(trial, 3, 4, workers) for workers in (1, 2))
+    one, two = (experiment.ensemble(trial, 3, 4, workers) for workers in (1, 2))
     assert one == two
     with ThreadPoolExecutor(2) as pool:
         assert monte_carlo(trial, range(3, 7), pool)[2] == {label: scores[2] for label, scores in one.items()}
@@ -33,18 +33,18 @@ def test_the_same_numbers_for_one_and_two_workers(trial):
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ensembles take minutes in plain Python")
 def test_methods_differ_as_they_say(trial):
-    scores = {label: assess.mean(s) for label, s in ensemble.ensemble(trial, 0, 2).items()}
+    scores = {label: assess.mean(s) for label, s in experiment.ensemble(trial, 0, 2).items()}
     assert scores["wide"].nis < scores["ekf"].nis and scores["wide"].nees6 < scores["ekf"].nees6
     assert scores["empirical"].d3 < scores["ekf"].d3
     assert scores["cycle"].skipped == 1.0 and scores["ekf"].skipped == 0.0
-    data = simulate.observe(trial.flight, trial.mission, trial.preset, np.random.default_rng(0))
+    data = simulate.observe(trial.flight, trial.mission, trial.preset.world, np.random.default_rng(0))
     run = {label: trial.estimate(method, data) for label, method in trial.methods.items()}
     assert (run["two"].observed == 2).all() and (run["cycle"].observed == 1).all() and (run["ekf"].observed == 7).all()
     np.testing.assert_array_equal(run["rts"].x, estimate.smooth(run["ekf"]).x)
 
 
 def test_a_score_from_its_definitions(trial, day):
-    data = simulate.observe(day.rich, day.mission, preset("E"), np.random.default_rng(0))
+    data = simulate.observe(day.rich, day.mission, preset("E").world, np.random.default_rng(0))
     run = trial.estimate(Method("aekf1_pr3"), data)
     score = assess.score(run, day.rich, 10)
     error = (run.x - day.rich.x)[10:]
@@ -66,7 +66,7 @@ def test_a_score_from_its_definitions(trial, day):
 
 
 def test_the_last_epoch_beyond_a_kilometre(day):
-    run = estimate.run("ekf", day.data, day.flight.x0 + np.array([5e3, 0, 0, 0, 0, 0]), preset("B"), day.force)
+    run = estimate.run("ekf", day.data, day.flight.x0 + np.array([5e3, 0, 0, 0, 0, 0]), preset("B").belief, day.force)
     distance = np.linalg.norm((run.x - day.flight.x)[:, :3], axis=1)
     last = assess.score(run, day.flight, 0).last
     assert (distance[last:] <= 1000.0).all() and (last == 0 or distance[last - 1] > 1000.0)
@@ -86,7 +86,7 @@ def test_statistics_of_an_ensemble():
 
 def test_a_filter_that_diverges_says_where_and_why_and_is_no_number(day):
     lost = Experiment(day.mission, preset("A", p0=(1e9, 1.0)), day.flight, day.force, {"ekf": Method("ekf")}, first=10)
-    runs = ensemble.ensemble(lost, 0, 2)["ekf"]
+    runs = experiment.ensemble(lost, 0, 2)["ekf"]
     assert [(r.epoch, "sigma" in r.why) for r in runs] == [(1, True), (1, True)]
     assert assess.kept(runs) == []
     good = assess.Score(*(np.full(len(assess.Score._fields), 1.0)))
@@ -107,23 +107,23 @@ def test_the_chance_of_a_false_alarm():
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="times of plain Python say nothing")
 def test_a_cost_is_a_positive_time(trial):
-    assert ensemble.microseconds(trial, Method("ekf"), repeat=1) > 0.0
+    assert experiment.microseconds(trial, Method("ekf"), repeat=1) > 0.0
 
 
 def test_what_an_ensemble_refuses(trial):
     with pytest.raises(ValueError, match="seed 4 is repeated"):
-        ensemble.over_seeds(trial, [3, 4, 4])
+        experiment.over_seeds(trial, [3, 4, 4])
     for seeds, workers in ((0, 1), (1, 0)):
         with pytest.raises(ValueError, match="must be at least 1"):
-            ensemble.ensemble(trial, 0, seeds, workers)
+            experiment.ensemble(trial, 0, seeds, workers)
     with pytest.raises(ValueError, match="filter 'pf' is unknown"):
-        ensemble.table3_methods(preset("E"), ["ekf", "pf"])
+        experiment.table3_methods(preset("E"), ["ekf", "pf"])
     with pytest.raises(ValueError, match="defines no tuned"):
-        ensemble.table3_methods(preset("B"), ["ekf_tuned"])
+        experiment.table3_methods(preset("B"), ["ekf_tuned"])
 
 
 def test_methods_of_table_3(day):
-    methods = ensemble.table3_methods(preset("C"), ["ekf", "rts", "ekf_tuned", "ukf"])
-    assert methods["rts"].smoothed and methods["ekf_tuned"].preset.q_pos == 150.0 and methods["ukf"].kind == "ukf"
-    trial = ensemble.experiment(Mission(days=0.5), preset("C"), day.gravity, methods, first=20)
+    methods = experiment.table3_methods(preset("C"), ["ekf", "rts", "ekf_tuned", "ukf"])
+    assert methods["rts"].smoothed and methods["ekf_tuned"].belief.q_pos == 150.0 and methods["ukf"].kind == "ukf"
+    trial = experiment.prepare(Mission(days=0.5), preset("C"), day.gravity, methods, first=20)
     assert len(trial.flight.t) == 86 and trial.start().tolist() == trial.flight.x0.tolist()

@@ -1,8 +1,4 @@
-"""Figures of the flight and of its filters. Plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in
-force.
-
-Those of the timing model, the transition matrix and the photons stand in `signal_figures`.
-"""
+"""Figures of the flight and of its filters."""
 
 from __future__ import annotations
 
@@ -28,8 +24,9 @@ LABELS = {
 }  # fmt: skip
 """Name of a filter -> how it is called in figures and tables."""
 AXES = "XYZ"
-
-
+COLOURS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
+"""Styles of the seven pulsars, in their order."""
+_EPOCH = "epoch k, 500 s apart"
 _WORDS = (
     ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
     ("Huber", "exact"), ("EKF", "ekf"),
@@ -37,13 +34,13 @@ _WORDS = (
 
 
 def _style(name: str) -> Method:
-    """Style of a filter by its name, or of a label by the filter that it names."""
+    """Give the style of a filter by its name, or of a label by the filter that it names."""
     named = STYLES.get(name) or next((style for word, style in _WORDS if word in name), "neutral")
     return METHODS[named]
 
 
 def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
-    """Ticks in plain digits on a logarithmic axis, at most `room` of them: all of 1 to 9, or 1, 2, 5, or 1, 3, or 1."""
+    """Put at most `room` ticks in plain digits on a logarithmic axis, all of 1 to 9 or fewer."""
     for steps in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
         ticks = [f * 10.0**k for k in range(-3, 8) for f in steps if low <= f * 10.0**k <= high]
         if len(ticks) <= room:
@@ -57,36 +54,25 @@ def _round_ticks(axis: Axis, low: float, high: float, room: int = 7) -> None:
 
 
 def orbit_view(states: Array, radius: float, axes: tuple[str, str, str] = ("x", "y", "z")) -> Figure:
-    """The orbit over the disc of Mars in three projections; states (n, 6) [m], radius of Mars [m]."""
+    """Draw states (n, 6) [m] over the disc of Mars, radius [m], in three projections."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 2.8))
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    disc = radius / 1e3 * np.cos(angle), radius / 1e3 * np.sin(angle)
     for panel, (i, j) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
-        panel.fill(
-            radius / 1e3 * np.cos(angle),
-            radius / 1e3 * np.sin(angle),
-            color=METHODS["aekf1"].colour,
-            alpha=0.3,
-            linewidth=0,
-            label="Mars",
-        )
+        panel.fill(*disc, color=METHODS["aekf1"].colour, alpha=0.3, linewidth=0, label="Mars")
         panel.plot(states[:, i] / 1e3, states[:, j] / 1e3, color=METHODS["truth"].colour, linewidth=0.7, label="orbit")
         panel.set(xlabel=f"{axes[i]} [km]", ylabel=f"{axes[j]} [km]", aspect="equal")
-        panel.set_xticks([-3000, 0, 3000])
-        panel.set_yticks([-3000, 0, 3000])
+        panel.set(xticks=[-3000, 0, 3000], yticks=[-3000, 0, 3000])
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
 def ranges(t: Array, z: Array, names: Sequence[str]) -> Figure:
-    """Ranges along the lines to pulsars, as times of arrival give them; t (n,) [s], z (n, m) [m]."""
+    """Draw ranges z (n, m) [m] along the lines to pulsars over t (n,) [s]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    for k, (name, key) in enumerate(
-        zip(names, ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact"), strict=False)
-    ):
-        style = METHODS[key]
-        axes.plot(
-            t / 3600, z[:, k] / 1e3, color=style.colour, linestyle=style.line, linewidth=0.7, marker=".", label=name
-        )
+    for name, values, key in zip(names, z.T, COLOURS, strict=False):
+        look = {"color": METHODS[key].colour, "linestyle": METHODS[key].line}
+        axes.plot(t / 3600, values / 1e3, **look, linewidth=0.7, marker=".", label=name)
     axes.set(xlabel="time [h]", ylabel="range along the line [km]")
     figure.legend(loc="outside upper center", ncols=4)
     return figure
@@ -96,70 +82,49 @@ def axis_errors(
     epoch: Array, error: Array, sigma: Array, quantity: str, unit: str, names: Sequence[str] = AXES, zoom: float = 0.0,
     notes: Sequence[str] = ("", "", ""), mark: float | None = None,
 ) -> Figure:  # fmt: skip
-    """Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
+    """Draw Figures 1 and 2: error (n, 3) on three axes with the filter's 3-sigma band.
 
     zoom > 0 limits the axis to +- zoom; notes stand above the panels on the right; mark: an epoch to draw a line at.
     """
     figure, panels = plt.subplots(3, 1, sharex=True, figsize=(7.2, 5.4))
-    style = METHODS["aekf1"]
-    for j, panel in enumerate(panels):
-        panel.fill_between(
-            epoch,
-            -3 * sigma[:, j],
-            3 * sigma[:, j],
-            color=style.colour,
-            alpha=0.22,
-            linewidth=0,
-            label="±3 sigma of the filter",
-        )
-        panel.plot(epoch, error[:, j], color=style.colour, linewidth=0.8, label="estimate minus truth")
+    colour, label = METHODS["aekf1"].colour, "±3 sigma of the filter"
+    for panel, e, s, name, note in zip(panels, error.T, 3 * sigma.T, names, notes, strict=True):
+        panel.fill_between(epoch, -s, s, color=colour, alpha=0.22, linewidth=0, label=label)
+        panel.plot(epoch, e, color=colour, linewidth=0.8, label="estimate minus truth")
         panel.axhline(0.0, color=ink(), linewidth=0.6)
-        panel.set_ylabel(f"{names[j]} [{unit}]")
-        panel.set_title(notes[j], loc="right", fontsize=9)
+        panel.set_ylabel(f"{name} [{unit}]")
+        panel.set_title(note, loc="right", fontsize=9)
         if mark is not None:
             panel.axvline(mark, color=ink(), linewidth=0.9, linestyle=":")
         if zoom:
             panel.set_ylim(-zoom, zoom)
-    panels[-1].set_xlabel("epoch k, 500 s apart")
+    panels[-1].set_xlabel(_EPOCH)
     panels[0].set_title(f"error of {quantity}", loc="left")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
 def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, float]) -> Figure:
-    """NEES/6 against epoch, one line per filter, with the 95 % bounds of a single epoch."""
+    """Draw NEES/6 against epoch, a line per filter, with the 95 % bounds of a single epoch."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in nees6.items():
-        style = _style(name)
-        axes.semilogy(epoch, values, color=style.colour, linewidth=0.8, label=LABELS.get(name, name))
+        axes.semilogy(epoch, values, color=_style(name).colour, linewidth=0.8, label=LABELS.get(name, name))
     axes.axhspan(*bounds, color=METHODS["ukf"].colour, alpha=0.25, linewidth=0, label="95 % of an honest filter")
-    axes.set(xlabel="epoch k, 500 s apart", ylabel="NEES / 6")
+    axes.set(xlabel=_EPOCH, ylabel="NEES / 6")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
 
 
 def against_paper(scores: Mapping[str, Array], spreads: Mapping[str, Array], printed: Sequence[float]) -> Figure:
-    """Table 3 as a figure: RMS on X, Y, Z [m] of each filter with its spread over seeds, and the paper's AEKF1."""
+    """Draw Table 3: RMS on X, Y, Z [m] with its spread over seeds, and the paper's AEKF1."""
     figure, panels = plt.subplots(1, 3, figsize=(7.2, 3.4), sharey=True)
-    names = list(scores)
+    rows = {"yticks": range(len(scores)), "yticklabels": [LABELS.get(name, name) for name in scores]}
     for j, panel in enumerate(panels):
-        for k, name in enumerate(names):
-            panel.errorbar(
-                scores[name][j],
-                k,
-                xerr=spreads[name][j],
-                color=_style(name).colour,
-                marker=_style(name).marker or "o",
-                markersize=6,
-                capsize=3,
-            )
+        for k, (name, values) in enumerate(scores.items()):
+            look = {"color": _style(name).colour, "marker": _style(name).marker or "o"}
+            panel.errorbar(values[j], k, xerr=spreads[name][j], **look, markersize=6, capsize=3)
         panel.axvline(printed[j], color=ink(), linewidth=0.9, linestyle="--", label=f"paper, AEKF1: {printed[j]:g} m")
-        panel.set(
-            xlabel=f"RMS error in {AXES[j]} [m]",
-            xscale="log",
-            yticks=range(len(names)),
-            yticklabels=[LABELS.get(n, n) for n in names],
-        )
+        panel.set(xlabel=f"RMS error in {AXES[j]} [m]", xscale="log", **rows)
         panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
         _round_ticks(panel.xaxis, *panel.get_xlim(), room=4)
     panels[0].invert_yaxis()
@@ -170,32 +135,23 @@ def seed_strip(
     values: Mapping[str, Sequence[float]], xlabel: str, log: bool = True, marks: Mapping[str, float] | None = None,
     stopped: Mapping[str, int] | None = None,
 ) -> Figure:  # fmt: skip
-    """One row for each label: a stroke for every seed, and their mean.
+    """Draw a row for each label: a stroke for every seed, and their mean.
 
     marks : label -> x of a vertical line; stopped : label -> runs without a stroke, told beside the label.
     """
     figure, axes = plt.subplots(figsize=(7.2, 0.9 + 0.34 * len(values)))
     for k, (label, row) in enumerate(values.items()):
-        style = _style(label)
-        if not len(row):
-            continue
-        axes.plot(row, np.full(len(row), k), linestyle="none", marker="|", markersize=9, color=style.colour, alpha=0.8)
-        axes.plot(
-            np.mean(row), k, marker="D", markersize=6, color=style.colour, markeredgecolor=ink(), linestyle="none"
-        )
+        if len(row):
+            look = {"color": _style(label).colour, "linestyle": "none"}
+            axes.plot(row, np.full(len(row), k), **look, marker="|", markersize=9, alpha=0.8)
+            axes.plot(np.mean(row), k, **look, marker="D", markersize=6, markeredgecolor=ink())
+    beside = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2), "fontsize": 8}
     for text, x in (marks or {}).items():
         axes.axvline(x, color=ink(), linewidth=0.8, linestyle="--")
-        axes.annotate(
-            text, (x, 1.0), xycoords=("data", "axes fraction"), textcoords="offset points", xytext=(3, 2), fontsize=8
-        )
-    axes.set(
-        xlabel=xlabel,
-        yticks=range(len(values)),
-        yticklabels=[
-            LABELS.get(n, n) + (f" ({stopped[n]} stopped)" if stopped and stopped.get(n) else "") for n in values
-        ],
-        ylim=(len(values) - 0.5, -0.5),
-    )
+        axes.annotate(text, (x, 1.0), **beside)
+    told = {label: f" ({count} stopped)" for label, count in (stopped or {}).items() if count}
+    names = [LABELS.get(label, label) + told.get(label, "") for label in values]
+    axes.set(xlabel=xlabel, yticks=range(len(values)), yticklabels=names, ylim=(len(values) - 0.5, -0.5))
     if log:
         axes.set_xscale("log")
         _round_ticks(axes.xaxis, *axes.get_xlim())
@@ -203,7 +159,7 @@ def seed_strip(
 
 
 def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx: bool = True) -> Figure:
-    """Curves of several filters against one setting; x (n,), values: filter -> (n,)."""
+    """Draw curves of several filters against one setting; x (n,), values: filter -> (n,)."""
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     for name, y in values.items():
         style = _style(name)
@@ -221,16 +177,14 @@ def curves(x: Array, values: Mapping[str, Array], xlabel: str, ylabel: str, logx
 
 
 def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
-    """3-D RMS [m] and NIS/7 of the EKF against the position part of its process noise [m]; the dots: least error."""
+    """Draw 3-D RMS [m] and NIS/7 of the EKF against its process noise of position [m]."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
-    style = METHODS["ekf"]
-    left.loglog(q, d3, color=style.colour, marker=style.marker)
-    left.set(xlabel="process noise of position in 500 s [m]", ylabel="3-D RMS error [m]")
+    for axes, values, ylabel in ((left, d3, "3-D RMS error [m]"), (right, nis, "NIS / 7")):
+        axes.loglog(q, values, color=METHODS["ekf"].colour, marker=METHODS["ekf"].marker)
+        axes.set(xlabel="process noise of position in 500 s [m]", ylabel=ylabel)
     left.set_title(f"least error {d3.min():.0f} m, at {q[d3.argmin()]:g} m", loc="left")
     _round_ticks(left.yaxis, *left.get_ylim())
-    right.loglog(q, nis, color=style.colour, marker=style.marker)
     right.axhline(1.0, color=ink(), linewidth=0.8, linestyle="--")
-    right.set(xlabel="process noise of position in 500 s [m]", ylabel="NIS / 7")
     for axes in (left, right):
         axes.axvline(q[d3.argmin()], color=METHODS["neutral"].colour, linestyle=":", label="least error")
     right.legend()
@@ -238,10 +192,10 @@ def noise_curve(q: Array, d3: Array, nis: Array) -> Figure:
 
 
 def smoothing(epoch: Array, filtered: Array, smoothed: Array, ylabel: str) -> Figure:
-    """3-D position error [m] of a filter and of its smoother against epoch, (n,) each."""
+    """Draw the 3-D position error [m] of a filter and its smoother against epoch, (n,) each."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values in (("ekf", filtered), ("rts", smoothed)):
         axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=METHODS[name].label)
-    axes.set(xlabel="epoch k, 500 s apart", ylabel=ylabel)
+    axes.set(xlabel=_EPOCH, ylabel=ylabel)
     axes.legend(ncols=2)
     return figure

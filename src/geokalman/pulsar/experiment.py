@@ -1,4 +1,4 @@
-"""Monte Carlo: the same flight observed with many seeds, each time by the same filters."""
+"""Observe the same flight with many seeds, each time filtered by the same methods."""
 
 from __future__ import annotations
 
@@ -16,23 +16,24 @@ from geokalman.physics.field import GravityField
 from geokalman.pulsar import accelerations, assess, estimate, simulate
 from geokalman.pulsar.assess import Score
 from geokalman.pulsar.dynamics import Force, j2_force
-from geokalman.pulsar.estimate import Diverged, Tuning
-from geokalman.pulsar.model import Array, Mission, Preset
+from geokalman.pulsar.estimate import Diverged, Estimate, Tuning
+from geokalman.pulsar.model import Array, Belief, Mission, Preset
+from geokalman.pulsar.observations import Observations
 from geokalman.pulsar.simulate import Flight
 
 
 @dataclass(frozen=True)
 class Method:
-    """One filter of an experiment: its kind, and where it differs from the experiment's tuning, preset, force, data.
+    """One filter of an experiment: its kind, and where it differs from the others.
 
-    smoothed : followed by the RTS smoother; order : it sees one pulsar an epoch, in this cycle; pulsars : it sees
-    these alone; r_factor : the R it assumes over the true one; empirical : (sigma [m s^-2], tau [s]) of three
-    accelerations beside its states.
+    tuning, belief, force : instead of the experiment's; smoothed : followed by the RTS smoother; order : it sees one
+    pulsar an epoch, in this cycle; pulsars : it sees these alone; r_factor : the R it assumes over the true one;
+    empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states.
     """
 
     kind: str
     tuning: Tuning | None = None
-    preset: Preset | None = None
+    belief: Belief | None = None
     force: Force | None = None
     smoothed: bool = False
     order: tuple[int, ...] = ()
@@ -60,59 +61,53 @@ class Experiment:
     first: int = assess.SETTLED
 
     def __call__(self, rng: np.random.Generator) -> dict[str, Score | Diverged]:
-        data = simulate.observe(
-            self.flight, self.mission, self.preset, rng, self.outlier_fraction, self.outlier_size, self.bias
-        )
+        data = self.observe(rng)
         return {label: self._score(method, data) for label, method in self.methods.items()}
 
-    def _score(self, method: Method, data: simulate.Observations) -> Score | Diverged:
+    def _score(self, method: Method, data: Observations) -> Score | Diverged:
         try:
             return assess.score(self.estimate(method, data), self.flight, self.first)
         except Diverged as stopped:
             return stopped.with_traceback(None)
 
-    def estimate(self, method: Method, data: simulate.Observations) -> estimate.Estimate:
-        """What a method makes of the observations. Raises Diverged."""
+    def observe(self, rng: np.random.Generator) -> Observations:
+        """Observe the flight with the noise of one seed."""
+        options = self.outlier_fraction, self.outlier_size, self.bias
+        return simulate.observe(self.flight, self.mission, self.preset.world, rng, *options)
+
+    def estimate(self, method: Method, data: Observations) -> Estimate:
+        """Filter the observations by a method. Raises Diverged."""
         if method.pulsars:
             keep = [self.mission.columns.index(k - 1) for k in method.pulsars]
-            data = replace(
-                data,
-                z=np.ascontiguousarray(data.z[:, keep]),
-                H=np.ascontiguousarray(data.H[keep]),
-                variance=data.variance[keep],
-            )
+            data = replace(data, z=data.z[:, keep], H=data.H[keep], variance=data.variance[keep])
         if method.order:
             data = simulate.one_at_a_time(data, list(method.order), self.mission.columns)
-        preset = method.preset or self.preset
+        belief, force = method.belief or self.preset.belief, method.force or self.force
         if method.empirical:
-            return accelerations.run(data, self.start(), preset.P0, method.force or self.force, *method.empirical)
-        result = estimate.run(
-            method.kind, data, self.start(), preset, method.force or self.force, method.tuning or self.tuning,
-            R=np.diag(method.r_factor * data.variance),
-        )  # fmt: skip
+            return accelerations.run(data, self.start(), belief.P0, force, *method.empirical)
+        R = np.diag(method.r_factor * data.variance)
+        result = estimate.run(method.kind, data, self.start(), belief, force, method.tuning or self.tuning, R=R)
         return estimate.smooth(result) if method.smoothed else result
 
     def start(self) -> Array:
-        """Initial estimate (6,): the truth plus the preset's initial error on every component."""
-        return self.flight.x0 + np.repeat(self.preset.error, 3)
+        """Give the initial estimate (6,): the truth plus the world's error on every component."""
+        return self.flight.x0 + np.repeat(self.preset.world.error, 3)
 
 
-def experiment(
-    mission: Mission,
-    preset: Preset,
-    gravity: GravityField,
-    methods: Mapping[str, Method],
-    tuning: Tuning | None = None,
-    **options,
-) -> Experiment:
-    """The experiment of a preset: the truth is flown in its field, the filters carry J2. Options are fields of
-    `Experiment`."""
-    flight = simulate.fly(mission, gravity, preset.mismatch)
+def prepare(
+    mission: Mission, preset: Preset, gravity: GravityField, methods: Mapping[str, Method],
+    tuning: Tuning | None = None, **options,
+) -> Experiment:  # fmt: skip
+    """Fly the truth of a preset in its field; the filters carry J2.
+
+    options : fields of `Experiment`.
+    """
+    flight = simulate.fly(mission, gravity, preset.world.mismatch)
     return Experiment(mission, preset, flight, j2_force(gravity), methods, tuning or Tuning(), **options)
 
 
 def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> dict[str, list[Score | Diverged]]:
-    """Scores of each method over the seeds seed0, seed0 + 1, ...; the same whatever the number of workers (threads).
+    """Score each method over the seeds seed0, seed0 + 1, ..., on any number of threads.
 
     Raises ValueError for no seeds or workers.
     """
@@ -122,8 +117,7 @@ def ensemble(trial: Experiment, seed0: int, n_seeds: int, workers: int = 1) -> d
 
 
 def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Score | Diverged]]:
-    """As `ensemble`, for any seeds. Raises ValueError where one is repeated: it would count twice in every mean and
-    spread."""
+    """Score as `ensemble`, for any seeds. Raises ValueError where one is repeated."""
     seeds = list(seeds)
     if len(set(seeds)) < len(seeds):
         twice = next(s for s in seeds if seeds.count(s) > 1)
@@ -135,18 +129,14 @@ def over_seeds(trial: Experiment, seeds, workers: int = 1) -> dict[str, list[Sco
         tell(next(count) / len(seeds))
         return result
 
-    if workers == 1:
-        results = monte_carlo(counted, seeds)
-    else:
-        with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
-            results = monte_carlo(counted, seeds, pool)
+    with ThreadPoolExecutor(workers) as pool:  # the compiled filters release the interpreter's lock
+        results = monte_carlo(counted, seeds, pool if workers > 1 else None)
     return {label: [result[label] for result in results] for label in trial.methods}
 
 
 def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int = 3) -> float:
-    """Processor time of a method per epoch [us], the least of `repeat` calls after one that compiles; never a gate."""
-    data = simulate.observe(trial.flight, trial.mission, trial.preset, np.random.default_rng(seed))
-    times = []
+    """Time a method per epoch [us of the processor], least of `repeat` calls; never a gate."""
+    data, times = trial.observe(np.random.default_rng(seed)), []
     for _ in range(repeat + 1):
         begun = time.process_time()
         trial.estimate(method, data)
@@ -155,21 +145,19 @@ def microseconds(trial: Experiment, method: Method, seed: int = 0, repeat: int =
 
 
 def table3_methods(preset: Preset, filters: list[str]) -> dict[str, Method]:
-    """Methods by the names of Table 3: the filters of `estimate.KINDS`, `rts`, and `ekf_tuned` where the preset
-    defines it.
+    """Give the methods of Table 3: filters of `estimate.KINDS`, `rts`, and `ekf_tuned`.
 
-    Raises ValueError for another name.
+    Raises ValueError for another name, and for `ekf_tuned` where the preset does not define it.
     """
     methods = {}
     for name in filters:
         if name == "ekf_tuned":
-            methods[name] = Method("ekf", preset=preset.with_tuned_noise())
+            methods[name] = Method("ekf", belief=preset.tuned_belief())
         elif name == "rts":
             methods[name] = Method("ekf", smoothed=True)
         elif name in estimate.KINDS:
             methods[name] = Method(name)
         else:
-            raise ValueError(
-                f"filter {name!r} is unknown; give some of {', '.join([*estimate.KINDS, 'rts', 'ekf_tuned'])}."
-            )
+            known = ", ".join([*estimate.KINDS, "rts", "ekf_tuned"])
+            raise ValueError(f"filter {name!r} is unknown; give some of {known}.")
     return methods

@@ -1,4 +1,4 @@
-"""Figures of the signal: timing model, transition matrix, pulsars on the sky, ranging accuracy, real photons."""
+"""Figures of the signal: timing, transition matrix, sky, ranging accuracy, real photons."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from geokalman.pulsar.figures.flight import COLOURS
 from geokalman.pulsar.model import Array
 from geokalman.style import METHODS, ink
 
-_KEYS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
-
 
 def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], ylabels: Sequence[str]) -> Figure:
-    """Terms of the timing model over time, one panel each; terms: title -> (n, m), one column a pulsar."""
+    """Draw terms of the timing model over time, a panel each; terms: title -> (n, pulsars)."""
     figure, panels = plt.subplots(len(terms), 1, sharex=True, figsize=(7.2, 1.0 + 1.8 * len(terms)))
     for panel, (title, values), ylabel in zip(np.atleast_1d(panels), terms.items(), ylabels, strict=True):
         for k, name in enumerate(names):
-            style = METHODS[_KEYS[k % 7]]
+            style = METHODS[COLOURS[k % 7]]
             panel.plot(days, values[:, k], color=style.colour, linestyle=style.line, linewidth=1.1, label=name)
         panel.set_ylabel(ylabel)
         panel.set_title(title, loc="left")
@@ -31,20 +30,16 @@ def timing_terms(days: Array, terms: Mapping[str, Array], names: Sequence[str], 
 
 
 def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Array) -> Figure:
-    """Errors of transition matrices over 500 s against the substep [s]: Markley's by block, the integrated one's
-    block rv."""
+    """Draw errors of transition matrices over 500 s against the substep [s].
+
+    markley : block -> errors; integrated : of the block rv [s].
+    """
     figure, axes = plt.subplots(figsize=(7.2, 3.6))
     units = {"rr": "", "rv": " [s]", "vr": " [1/s]", "vv": ""}
     for (name, values), key in zip(markley.items(), ("ekf", "aekf1", "aekf2", "ukf"), strict=True):
         style = METHODS[key]
-        axes.loglog(
-            steps,
-            values,
-            color=style.colour,
-            linestyle=style.line,
-            marker=style.marker or "o",
-            label=f"Markley, {name}{units[name]}",
-        )
+        look = {"color": style.colour, "linestyle": style.line, "marker": style.marker or "o"}
+        axes.loglog(steps, values, **look, label=f"Markley, {name}{units[name]}")
     axes.loglog(steps, integrated, color=METHODS["exact"].colour, linestyle=":", marker="x", label="integrated, rv [s]")
     axes.axvline(100.0, color=ink(), linewidth=0.7, linestyle="--", label="beyond: the code warns")
     axes.set(xlabel="substep [s]", ylabel="largest error (units: legend)")
@@ -53,16 +48,15 @@ def transition_errors(steps: Array, markley: Mapping[str, Array], integrated: Ar
 
 
 def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure:
-    """The pulsars on the sky, ra, dec [deg]; the larger the dot, the better the range; sigma [m]."""
+    """Draw the pulsars on the sky, ra, dec [deg]; the larger the dot, the better sigma [m]."""
     figure = plt.figure(figsize=(7.2, 3.8))
     axes = figure.add_subplot(projection="mollweide")
     longitude = np.radians((np.asarray(ra) + 180.0) % 360.0 - 180.0)
     axes.scatter(longitude, np.radians(dec), s=900.0 / np.log10(sigma) ** 2.5, color=METHODS["ekf"].colour, alpha=0.85)
     for k, name in enumerate(names):
-        below = k in (4,)
         axes.annotate(
             f"{name}, {sigma[k]:.0f} m", (longitude[k], np.radians(dec[k])), textcoords="offset points",
-            xytext=(0, -16 if below else 9), fontsize=8, ha="center",
+            xytext=(0, -16 if k == 4 else 9), fontsize=8, ha="center",
         )  # fmt: skip
     axes.set_xticks(np.radians([-120, -60, 0, 60, 120]), ["240°", "300°", "0°", "60°", "120°"])
     axes.set(xlabel="right ascension", ylabel="declination")
@@ -70,10 +64,10 @@ def sky_map(ra: Array, dec: Array, sigma: Array, names: Sequence[str]) -> Figure
 
 
 def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
-    """Ranging accuracy [m] against the duration of an observation [s]; sigma (m, n)."""
+    """Draw ranging accuracy [m] against the duration of an observation [s]; sigma (m, n)."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for k, name in enumerate(names):
-        style = METHODS[_KEYS[k % 7]]
+        style = METHODS[COLOURS[k % 7]]
         axes.loglog(durations, sigma[k], color=style.colour, linestyle=style.line, label=name)
     axes.axvline(500.0, color=ink(), linewidth=0.7, linestyle="--", label="500 s")
     axes.axhline(94.1, color=ink(), linewidth=0.7, linestyle=":", label="X error of the paper, 94.1 m")
@@ -83,7 +77,7 @@ def accuracy(durations: Array, sigma: Array, names: Sequence[str]) -> Figure:
 
 
 def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) -> Figure:
-    """Residuals of times of arrival [s] without and with the satellite's orbit; sigma (n,) formal errors [s]."""
+    """Draw residuals of times of arrival [s], with formal errors sigma (n,) [s]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for k, ((label, values), key) in enumerate(zip(residuals.items(), ("aekf1", "exact", "ekf"), strict=False)):
         style = METHODS[key]
@@ -98,7 +92,7 @@ def arrival_residuals(t: Array, residuals: Mapping[str, Array], sigma: Array) ->
 
 
 def orbit_scale(scales: Array, power: Array, within: tuple[float, float]) -> Figure:
-    """Z_1^2 against the scale of the satellite's orbit: the range `within` one of the maximum is shaded."""
+    """Draw Z_1^2 against the scale of the orbit, the range `within` one of the maximum shaded."""
     figure, axes = plt.subplots(figsize=(7.2, 3.0))
     axes.plot(scales, power, color=METHODS["ekf"].colour)
     axes.axvspan(*within, color=METHODS["ekf"].colour, alpha=0.2, linewidth=0, label="within 1 of the maximum")
@@ -109,27 +103,16 @@ def orbit_scale(scales: Array, power: Array, within: tuple[float, float]) -> Fig
 
 
 def profiles(phases: Mapping[str, Array], bins: int = 32) -> Figure:
-    """Pulse profiles over two turns, each with the Poisson error of its bins; phases: title -> (n,) [cycles]."""
+    """Draw pulse profiles over two turns with Poisson errors; phases: title -> (n,) [cycles]."""
     figure, panels = plt.subplots(len(phases), 1, sharex=True, figsize=(7.2, 0.8 + 1.6 * len(phases)))
-    for panel, (title, phase), key in zip(
-        np.atleast_1d(panels), phases.items(), ("ekf", "aekf1", "ukf", "aekf2"), strict=False
-    ):
-        counts, _ = np.histogram(np.mod(phase, 1.0), bins, (0.0, 1.0))
-        two = np.concatenate([counts, counts])
-        edges = np.arange(2 * bins + 1) / bins
-        style = METHODS[key]
-        panel.stairs(two, edges, baseline=None, color=style.colour, linewidth=1.3)
-        panel.fill_between(
-            np.repeat(edges, 2)[1:-1],
-            np.repeat(two - np.sqrt(two), 2),
-            np.repeat(two + np.sqrt(two), 2),
-            color=style.colour,
-            alpha=0.25,
-            linewidth=0,
-        )
+    edges = np.arange(2 * bins + 1) / bins
+    for panel, (title, phase), key in zip(np.atleast_1d(panels), phases.items(), COLOURS, strict=False):
+        counts = np.tile(np.histogram(np.mod(phase, 1.0), bins, (0.0, 1.0))[0], 2)
+        band = (np.repeat(counts + sign * np.sqrt(counts), 2) for sign in (-1, 1))
+        panel.stairs(counts, edges, baseline=None, color=METHODS[key].colour, linewidth=1.3)
+        panel.fill_between(np.repeat(edges, 2)[1:-1], *band, color=METHODS[key].colour, alpha=0.25, linewidth=0)
         panel.set(ylabel="photons", title=title)
         panel.set_ylim(bottom=0.0)
-        panel.title.set_ha("left")
-        panel.title.set_x(0.0)
+        panel.title.set(ha="left", x=0.0)
     panel.set_xlabel("pulse phase [cycles]")
     return figure
