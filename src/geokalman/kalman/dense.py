@@ -15,11 +15,14 @@ from numba import njit
 
 @njit(cache=True)
 def copy_state(x: np.ndarray, P: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> None:
-    """Copy a mean (n,) and a covariance (n, n); a slice assignment would compile for seconds (numba's error
-    message)."""
-    n = x.shape[0]
-    for i in range(n):
+    """Copy a mean and a covariance (n, n); on a manifold the mean may have more than n components.
+
+    A slice assignment would compile for seconds (numba's error message).
+    """
+    for i in range(x.shape[0]):
         x_out[i] = x[i]
+    n = P.shape[0]
+    for i in range(n):
         for j in range(n):
             P_out[i, j] = P[i, j]
 
