@@ -73,7 +73,9 @@ def test_log_and_twice_the_vector_part_agree_at_the_size_of_noise():
 
 def test_a_start_with_twice_the_vector_part_stays_wrong(hours, solved, tuning):
     """Section 3.6: from 60 degrees it leaves 1.1e-4 rad after 600 s; with Log the error is gone in 3 s."""
-    left = trials.vector_part_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3))
+    left = trials.wrong_start(
+        hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3), 600, "vector_part"
+    )
     assert left[600] == pytest.approx(1.1e-4, rel=0.15)
     gone = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3))
     assert gone[3] < 5e-5

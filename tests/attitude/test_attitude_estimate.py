@@ -1,6 +1,4 @@
-"""The filters: equal to each other, to the core's loop on a manifold, honest, and robust to gaps, outliers and wrong
-starts.
-"""
+"""The filters: equal to each other and to themselves in numpy, honest, robust to gaps, outliers and wrong starts."""
 
 from __future__ import annotations
 
@@ -17,8 +15,11 @@ from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import AXES, WRAP_DEG, Scenario, Tuning
 from geokalman.kalman import NotPositiveDefinite
-from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
-from geokalman.physics.quaternion import difference, exp, multiply
+from geokalman.kalman.gaussian import Gaussian
+from geokalman.kalman.model import Manifold, Model, Sensor
+from geokalman.kalman.run import run
+from geokalman.kalman.smoothing import smooth
+from geokalman.physics.quaternion import difference, exp, matrix, multiply
 
 
 def rms(result, trip, name, satellite):
@@ -88,40 +89,48 @@ def test_files_have_no_error_of_their_own_smoother(short, tuning):
     assert held["attitude_rms.rts.roll"] == assess.statistics(result, short.true_attitude("C"))["attitude_rms.rts.roll"]
 
 
-def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
+def test_the_compiled_filter_is_the_one_in_plain_python(short, tuning):
+    """Model, sensor and manifold once more, in numpy; the core runs them as Python functions."""
     result = solve(short, "C", tuning, ("mekf", "rts"))
     m = result.measured
     first = int(np.argmax(np.isfinite(m.z[:, 0])))
-    rotations = Manifold(
-        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]),
-        lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]]),
-    )
+    z = m.z[first:]
+    seen = np.isfinite(z[:, :1])
+    seen[0] = False
     S, B = m.rate_cov, m.bias_cov
-    Q = np.block([[S + B / 3, -B / 2], [-B / 2, B]])
-
-    def propagate(k, x):
-        v = m.d[first + k] - x[1]
-        cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-        from geokalman.physics.quaternion import matrix
-
-        A = np.block([[matrix(exp(v)).T, -(np.eye(3) - 0.5 * cross)], [np.zeros((3, 3)), np.eye(3)]])
-        return (multiply(x[0], exp(v)), x[1]), A, Q
-
-    def observe(k, x):
-        if k == 0 or np.isnan(m.z[first + k, 0]):
-            return None
-        return difference(x[0], m.z[first + k]), np.eye(3, 6), m.R[first + k]
-
-    n = len(m.z) - first
-    course = filter_manifold(
-        rotations, (m.z[first], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3), n, propagate, observe
+    rotations = Manifold(
+        retract=lambda x, d: np.concatenate([multiply(x[:4], exp(d[:3])), x[4:] + d[3:]]),
+        difference=lambda x, y: np.concatenate([difference(x[:4], y[:4]), y[4:] - x[4:]]),
+        n=6,
     )
-    states, covs = smooth_manifold(rotations, course)
-    for name, points, P in (("mekf", course.state, course.cov), ("rts", states, covs)):
+
+    def turn(x, t0, t1):
+        return m.d[first + round(t0)] - x[4:]
+
+    def transition(x, t0, t1):
+        v = turn(x, t0, t1)
+        cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+        return np.block([[matrix(exp(v)).T, -(np.eye(3) - 0.5 * cross)], [np.zeros((3, 3)), np.eye(3)]])
+
+    course = run(
+        Gaussian(np.append(z[0], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3)),
+        np.arange(len(z)),
+        Model(
+            f=lambda x, t0, t1: np.append(multiply(x[:4], exp(turn(x, t0, t1))), x[4:]), F=transition,
+            Q=np.block([[S + B / 3, -B / 2], [-B / 2, B]]), manifold=rotations,
+        ),
+        [
+            Sensor(
+                np.where(seen, np.zeros(3), np.nan), np.where(seen[..., None], m.R[first:], np.eye(3)),
+                h=lambda x, t: -difference(x[:4], z[round(t)]), H=lambda x, t: np.eye(3, 6),
+            )
+        ],
+    )  # fmt: skip
+    for name, found in (("mekf", course), ("rts", smooth(course))):
         solution = result.solutions[name]
-        np.testing.assert_allclose(difference(solution.q[first:], np.array([x[0] for x in points])), 0, atol=1e-12)
-        np.testing.assert_allclose(solution.bias[first:], [x[1] for x in points], atol=1e-14)
-        np.testing.assert_allclose(solution.cov[first:], P[:, :3, :3], rtol=1e-7, atol=1e-18)
+        np.testing.assert_allclose(difference(solution.q[first:], found.mean[:, :4]), 0, atol=1e-12)
+        np.testing.assert_allclose(solution.bias[first:], found.mean[:, 4:], atol=1e-14)
+        np.testing.assert_allclose(solution.full[first:], found.cov, rtol=1e-7, atol=1e-18)
 
 
 def test_filtering_at_8_hz_gives_the_same(short, tuning):
@@ -143,16 +152,24 @@ def test_akf7_on_seconds_and_on_eighths(short, tuning):
         estimate.akf7(result.measured, tuning, stride=8)
 
 
-@pytest.mark.parametrize("name", ["_mekf", "_akf7"])
-def test_compiled_equals_plain_python(short, tuning, monkeypatch, name):
-    m = solve(short, "C", tuning, ("mekf",)).measured
-    cut = m._replace(d=m.d[:20], z=m.z[:21], R=m.R[:21])
-    run = estimate.mekf if name == "_mekf" else estimate.akf7
-    compiled = run(cut, tuning)
-    monkeypatch.setattr(estimate, name, getattr(getattr(estimate, name), "py_func", getattr(estimate, name)))
-    plain = run(cut, tuning)
-    np.testing.assert_allclose(plain.q, compiled.q, atol=1e-13)
-    np.testing.assert_allclose(plain.cov, compiled.cov, rtol=1e-8, atol=1e-19)
+def test_steps_together_are_the_steps_one_after_the_other():
+    """F = F_2 F_1 and Q = F_2 Q_1 F_2' + Q_2 of the additive filter's sub-steps, lost ones among them."""
+    rng = np.random.default_rng(4)
+    x, d, lost = np.append(exp(rng.standard_normal(3)), 1e-6 * rng.standard_normal(3)), 1e-2 * rng.standard_normal(9), [0, 1, 0]
+    params = np.concatenate([[0.125, 1e-12], 1e-14 * np.eye(3).ravel(), 1e-22 * np.eye(3).ravel()])
+
+    def turned(x, u):
+        out = np.empty(7), np.empty((7, 7)), np.empty((7, 7))
+        estimate._turn_additive(0.0, 1.0, x, np.asarray(u, dtype=float), params, *out)
+        return out
+
+    together = turned(x, [*d, *lost])
+    F, Q = np.eye(7), np.zeros((7, 7))
+    for k in range(3):
+        x, F_k, Q_k = turned(x, [*d[3 * k : 3 * k + 3], lost[k]])
+        F, Q = F_k @ F, F_k @ Q @ F_k.T + Q_k
+    for found, expected, size in zip(together, (x, F, Q), (1.0, 1.0, 1e-13), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14 * size)
 
 
 def test_lost_increments_widen_the_covariance(short, tuning):
