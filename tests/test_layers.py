@@ -91,7 +91,7 @@ def truth_seen(path: Path) -> set[str]:
         seen.add(current)
         names = {n.split(".")[2] for n in imports(current) if n.startswith(f"geokalman.{part_of(path)}.")}
         todo |= {p for p in (path.with_name(f"{n}.py") for n in names) if p.is_file()} - seen
-    return {p.stem for p in seen} & {"simulate", "assess", "figures"}
+    return {p.stem for p in seen} & {"simulate", "truth", "assess", "experiment", "figures"}
 
 
 def machinery(code: str) -> set[str]:

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geokalman.attitude import assess, estimate, gyro, trials
-from geokalman.attitude import flight as flights
+from geokalman.attitude import assess, estimate, experiment, gyro
 from geokalman.attitude.estimate import Measured
-from geokalman.attitude.flight import solve
+from geokalman.attitude.experiment import solve
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import AXES, WRAP_DEG, Scenario, Tuning
@@ -70,7 +69,7 @@ def test_the_sweep_of_gyro_noise(hours, arw, attitude, rate):
     """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles
     slowly."""
     tuned = Tuning(arw_deg_sqrt_h=arw)
-    trip = flights.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
+    trip = experiment.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
     table = assess.table_of([assess.statistics(solve(trip, s, tuned, ("mekf",)), trip.true_attitude(s)) for s in "CD"])
     assert assess.axis_mean(table, "attitude_rms.mekf") == pytest.approx(attitude, abs=0.35e-6)
     assert assess.axis_mean(table, "rate_minus_imu.mekf") == pytest.approx(rate, rel=0.03)
@@ -196,24 +195,24 @@ def test_nothing_to_start_from_is_said(short, tuning):
 @pytest.mark.parametrize(("gap_s", "sigma"), [(60.0, 2.4e-6), (600.0, 5.1e-6)])
 def test_gaps(hours, solved, tuning, gap_s, sigma):
     """E11: the predicted sigma at the end of a gap, and the smoother's largest error in it."""
-    one = trials.gap(hours, "C", solved["C"], tuning, gap_s, 3600.0)
+    one = experiment.gap(hours, "C", solved["C"], tuning, gap_s, 3600.0)
     assert one.sigma["mekf"][one.last].mean() == pytest.approx(sigma, rel=0.1)
     assert np.abs(one.error["mekf"][one.last]).max() < 5 * sigma
     if gap_s == 600.0:
         assert 3e-6 < np.abs(one.error["rts"][one.first : one.last]).max() < 7e-6
     with pytest.raises(ValueError, match="does not lie inside"):
-        trials.gap(hours, "C", solved["C"], tuning, 9000.0, 60.0)
+        experiment.gap(hours, "C", solved["C"], tuning, 9000.0, 60.0)
 
 
 def test_the_gate_finds_outliers(hours, solved, tuning):
-    out = trials.outliers(hours, "C", solved["C"], tuning, 20, 5e-3, 27.9, np.random.default_rng(1))
+    out = experiment.outliers(hours, "C", solved["C"], tuning, 20, 5e-3, 27.9, np.random.default_rng(1))
     assert out.found == 20 and out.false_alarms <= 1
     assert 1.6e-6 < out.gated.mean() < 2.1e-6 and out.ungated.mean() > 8e-6
 
 
 @pytest.mark.parametrize("degrees", [60.0, 170.0])
 def test_wrong_starts_are_forgotten_in_ten_seconds(hours, solved, tuning, degrees):
-    error = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(degrees), np.random.default_rng(3))
+    error = experiment.wrong_start(hours, "C", solved["C"], tuning, np.radians(degrees), np.random.default_rng(3))
     assert error[10:].max() < 2e-5
 
 
@@ -225,8 +224,8 @@ def test_sampling_rates_instead_of_summing_is_worse(hours, solved, tuning):
     def over_summed(d):
         return assess.rms(assess.error(estimate.mekf(m._replace(d=d), tuning).q, truth)[600:-600]).mean() / summed
 
-    five = trials.five_point(inc)
-    for d in (trials.decimated(inc), trials.decimated(five)):
+    five = gyro.five_point(inc)
+    for d in (gyro.decimated(inc), gyro.decimated(five)):
         assert 1.7 < over_summed(d) < 2.3  # section 9: 1.7 to 2.2, five-point rates 2.3 (ours stay below the others)
     assert over_summed(gyro.preintegrate(five, 1).d) == pytest.approx(
         1.0, abs=0.02
@@ -238,7 +237,7 @@ def test_five_point_increments_leave_lost_steps_lost():
     angle = np.stack([t**2, np.sin(t), 0.1 * t], axis=1)
     d = np.diff(angle, axis=0)
     d[20] = np.nan
-    out = trials.five_point(gyro.Increments(t, d, np.zeros((40, 4)))).d
+    out = gyro.five_point(gyro.Increments(t, d, np.zeros((40, 4)))).d
     assert np.isnan(out[18:23]).all() and np.isfinite(out[:18]).all() and np.isfinite(out[23:]).all()
     rate = np.stack([2 * t, np.cos(t), np.full(41, 0.1)], axis=1)
     np.testing.assert_allclose(out[2:18], rate[2:18] / 8, atol=1e-6)
@@ -334,7 +333,7 @@ def test_bias_errors_and_the_consistency_of_six_states(hours, solved, tuning):
 
 
 def test_uncertain_epochs_are_flagged(hours, solved, tuning):
-    m = trials.with_gap(solved["C"].measured, 3000, 1500)
+    m = experiment.with_gap(solved["C"].measured, 3000, 1500)
     flagged = estimate.mekf(m, tuning).flagged(6e-6)
     assert flagged[4499] and not flagged[2999] and not flagged[5500:].any()
 

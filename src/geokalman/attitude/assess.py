@@ -9,8 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from geokalman.attitude import pointing
-from geokalman.attitude.estimate import Solution
-from geokalman.attitude.flight import Solved
+from geokalman.attitude.estimate import Solution, Solved
 from geokalman.attitude.model import AXES, Array
 from geokalman.kalman.consistency import chi_square_bounds, nees
 from geokalman.physics.quaternion import difference

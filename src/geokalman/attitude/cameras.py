@@ -4,12 +4,13 @@ calibration.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import Array, camera_information
+from geokalman.attitude.model import Array, Raw, Tuning, camera_information
 from geokalman.physics.quaternion import (
     conjugate,
     continuous,
@@ -149,3 +150,16 @@ def at_seconds(combined: Combined, hz: int = 1) -> Combined:
 def camera_axes(q: Array, q_qsa: Array) -> Array:
     """Attitudes of a camera (n, 4), SCF to ICRF, from those of the satellite: q_SCA = q_SRF q_QSA*."""
     return multiply(q, conjugate(q_qsa))
+
+
+def in_satellite_axes(raw: Raw) -> Array:
+    """Attitudes (3, n, 4) from each camera, SRF to ICRF."""
+    return to_satellite(raw.q_camera, raw.q_qsa)
+
+
+def combination(raw: Raw, tuning: Tuning, use: Sequence[int] = (1, 2, 3), calibrate: bool = False) -> Combined:
+    """The cameras combined at their own epochs, after calibration of their relative mounting where asked for."""
+    q = in_satellite_axes(raw)
+    if calibrate:
+        q, _ = calibrate_mounting(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso)
+    return combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso, tuple(use))

@@ -1,4 +1,4 @@
-"""The filters of one satellite; they see increments of the gyros and combined camera quaternions, nothing else.
+"""From one satellite's raw sensors to attitudes: combination, increments, filters. Nothing here has seen the truth.
 
 mekf : state [q; b] with an error [delta; db] of six components, q_true = q Exp(delta), and its RTS smoother; with more
 gyro noise it stands in for the official product (JPL-like). akf7 : the paper's, additive in the seven states.
@@ -8,13 +8,15 @@ error between prediction and camera.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import Array, Tuning
+from geokalman.attitude import cameras, gyro
+from geokalman.attitude.model import GYRO_HZ, Array, Raw, Tuning
 from geokalman.kalman import smoothing
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.gaussian import Gaussian, Trajectory
@@ -62,6 +64,69 @@ class Solution:
         """Epochs (n,) whose standard deviation about some axis exceeds the limit [rad], or that have no estimate."""
         sigma = np.sqrt(np.einsum("kii->ki", self.cov)).max(axis=1)
         return ~(sigma <= limit_rad)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What the chain made of one satellite at the epochs t (n,) [s] of the filter.
+
+    combined : cameras at those epochs; increments : at 8 Hz; rates (n, 3) : mean gyro rates over +-0.5 s there (1 Hz
+    only), NaN where lost; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an edge
+    of the clock of the files (bad input 11), none where simulated.
+    """
+
+    t: Array
+    combined: cameras.Combined
+    increments: gyro.Increments
+    rates: Array
+    measured: Measured
+    solutions: dict[str, Solution]
+    edge: Array
+
+    def flagged(self, name: str, limit_rad: float) -> Array:
+        """Epochs (n,) of a solution at an edge of the clock, or less certain than the limit [rad]."""
+        return self.edge | self.solutions[name].flagged(limit_rad)
+
+
+def solve(
+    raw: Raw, t: Array, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
+    calibrate: bool = False, edge: Sequence[float] = (),
+) -> Solved:  # fmt: skip
+    """The whole chain for one satellite between the first and the last of the seconds t.
+
+    filters : of akf7, akf7_iso, mekf, rts, jpl_like; use : cameras; calibrate : their relative mounting; edge : seconds
+    at an edge of the clock. With tuning.update_hz = 2 the epochs are every half second.
+    """
+    combined = cameras.combination(raw, tuning, use, calibrate)
+    increments, tuning = gyro.sound_increments(raw, tuning, combined)
+    hz, wanted = tuning.update_hz, set(filters)
+    main = gyro.between(increments, t[0], t[-1])
+    steps, combined = gyro.preintegrate(main, hz), cameras.at_seconds(combined, hz)
+    inside = (combined.t > t[0] - 0.1) & (combined.t < t[-1] + 0.1)
+    combined, epochs = cameras.Combined(*(part[inside] for part in combined)), steps.t
+    if len(combined.t) != len(epochs):
+        raise ValueError(
+            f"{len(combined.t)} camera epochs and {len(epochs)} gyro epochs at {hz} Hz do not belong together."
+        )
+    covs = tuning.rate_covariance(raw.satellite), tuning.bias_covariance(raw.satellite)
+    measured = Measured(1.0 / hz, steps.d, combined.q, combined.cov, *covs)
+    at_8_hz, stride, found = measured._replace(d=main.d), GYRO_HZ // hz, {}
+    if wanted & {"mekf", "rts"}:
+        found["mekf"], found["rts"] = mekf(measured, tuning, tuning.apm_factor, smooth=True)
+    if "jpl_like" in wanted:
+        found["jpl_like"] = mekf(measured, tuning, tuning.kappa)
+    if "akf7" in wanted:
+        found["akf7"] = akf7(at_8_hz, tuning, tuning.apm_factor, stride)
+    if "akf7_iso" in wanted:
+        r = 0.5 * float(np.nanmean(np.sqrt(np.einsum("kii->ki", combined.cov))))
+        found["akf7_iso"] = akf7(at_8_hz, tuning, tuning.apm_factor, stride, isotropic=r)
+    seconds, mean_rates = gyro.mean_rates(increments)
+    rates = np.full((len(epochs), 3), np.nan)
+    _, mine, theirs = np.intersect1d(np.round(epochs * 8), np.round(seconds * 8), return_indices=True)
+    rates[mine] = mean_rates[theirs]
+    solutions = {name: solution for name, solution in found.items() if name in wanted}
+    at_edge = np.isin(np.floor(epochs + 1e-6), np.round(edge))
+    return Solved(epochs, combined, main, rates, measured, solutions, at_edge)
 
 
 def mekf(

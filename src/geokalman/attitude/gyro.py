@@ -10,9 +10,10 @@ import numpy as np
 from numba import njit
 from scipy.interpolate import CubicSpline
 
+from geokalman.attitude.cameras import Combined, at_seconds
 from geokalman.attitude.header import Level1Error
-from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, gyro_matrix
-from geokalman.physics.quaternion import exp_point, log_point, multiply_point
+from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, arw_density, gyro_matrix
+from geokalman.physics.quaternion import difference, exp_point, log_point, multiply_point
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
 LARGEST_STEP = 0.1  # deg per 1/8 s: more is a fault, not motion
@@ -231,3 +232,49 @@ def reduced(raw: Raw, tuning: Tuning) -> Increments:
     first, last = first - 1.0 if start <= first - 1.0 else first, last + 1.0 if end >= last + 1.0 else last
     epochs = np.arange(round((last - first) * GYRO_HZ) + 1) / GYRO_HZ + first
     return reduce(raw.t_gyro, raw.gyro, raw.satellite, epochs, tuning.axes)
+
+
+def sound_increments(raw: Raw, tuning: Tuning, combined: Combined) -> tuple[Increments, Tuning]:
+    """8 Hz increments, and the tuning with the axes that they were made of.
+
+    An axis without samples is left out; so is, where the parity of four axes stays beyond 6 sigma for a second, the
+    axis that disagrees most with the cameras. Both with a GyroWarning. Raises Level1Error where fewer than three axes
+    remain.
+    """
+    tuning = sound(raw, tuning)
+    increments = reduced(raw, tuning)
+    if len(tuning.axes) < 4:
+        return increments, tuning
+    sigma = 0.5 * arw_density(tuning.arw_deg_sqrt_h) / GYRO_HZ**0.5  # of one of the four residuals
+    start = parity_fault(increments.parity, sigma, raw.satellite)
+    if start is None:
+        return increments, tuning
+    whole = at_seconds(combined)
+    seen = preintegrate(between(increments, whole.t[0], whole.t[-1]), 1)
+    steps = seen.d @ gyro_matrix(raw.satellite).T + seen.parity
+    axis = isolate(steps, difference(whole.q[:-1], whole.q[1:]), raw.satellite)
+    warnings.warn(
+        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and was "
+        "left out.", GyroWarning, stacklevel=2,
+    )  # fmt: skip
+    fewer = replace(tuning, axes=tuple(a for a in tuning.axes if a != axis))
+    return reduced(raw, fewer), fewer
+
+
+def decimated(increments: Increments) -> Array:
+    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate: what a filter that takes rates at 1 Hz gets."""
+    return increments.d[: len(increments.d) // GYRO_HZ * GYRO_HZ : GYRO_HZ] * GYRO_HZ
+
+
+def five_point(increments: Increments) -> Increments:
+    """The 8 Hz increments that equation (1) gives: the five-point rate at the start of each step, times the step.
+
+    The rates of the first and last two epochs are those of their neighbours; a step whose stencil meets a lost one is
+    lost.
+    """
+    lost = np.isnan(increments.d[:, 0])
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(increments.d), axis=0)])
+    rates = np.pad(five_point_rates(angle, 1.0 / GYRO_HZ), ((2, 2), (0, 0)), mode="edge")
+    d = rates[:-1] / GYRO_HZ
+    d[np.convolve(lost, np.ones(5), "same") > 0] = np.nan
+    return increments._replace(d=d)

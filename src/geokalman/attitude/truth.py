@@ -1,14 +1,17 @@
-"""True orbits and attitudes of the pair: an analytic orbit with secular J2, and pointing angles like GRACE-FO's."""
+"""True orbits and attitudes of the pair: an analytic orbit with secular J2, and pointing angles like GRACE-FO's.
+
+A `Flight` holds what the sensors gave together with that truth, where there is one.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import GYRO_HZ, Array, Scenario
+from geokalman.attitude.model import GYRO_HZ, Array, Raw, Scenario, gyro_matrix
 from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import difference_point, from_matrix_point, multiply_point
 
@@ -41,6 +44,39 @@ class Truth:
         return Truth(
             self.t[pick], self.r[pick], self.v[pick], self.q[pick], None if self.bias is None else self.bias[pick]
         )
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Raw data of both satellites, their orbits r, v (n, 3) at the whole seconds t (n,), and the truth where simulated.
+
+    accelerations : satellite -> (n, 3) [m/s^2] in the SRF from ACT1B, where there are any; edge : satellite -> those of
+    the seconds t at which the clock of its files was carried beyond its tables or across a break, where read.
+    """
+
+    t: Array
+    raw: dict[str, Raw]
+    r: dict[str, Array]
+    v: dict[str, Array]
+    truth: dict[str, Truth] = field(default_factory=dict)
+    accelerations: dict[str, Array] = field(default_factory=dict)
+    edge: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    def true_attitude(self, satellite: str, hz: int = 1) -> Array | None:
+        """True attitudes (n, 4) at `hz`, or None for real data."""
+        return self.truth[satellite].at(hz, self.duration).q if self.truth else None
+
+    def true_bias(self, satellite: str, axes: tuple[int, ...], hz: int = 1) -> Array | None:
+        """True gyro biases (n, 3) [rad/s] in SRF axes, as the gyros in use see them, at `hz`; None for real data."""
+        if not self.truth:
+            return None
+        of_axes = self.truth[satellite].at(hz, self.duration).bias[:, [axis - 1 for axis in axes]]
+        return np.linalg.lstsq(gyro_matrix(satellite, axes), of_axes.T, rcond=None)[0].T
 
 
 def grid(scenario: Scenario) -> Array:
