@@ -154,7 +154,8 @@ def test_akf7_on_seconds_and_on_eighths(short, tuning):
 def test_steps_together_are_the_steps_one_after_the_other():
     """F = F_2 F_1 and Q = F_2 Q_1 F_2' + Q_2 of the additive filter's sub-steps, lost ones among them."""
     rng = np.random.default_rng(4)
-    x, d, lost = np.append(exp(rng.standard_normal(3)), 1e-6 * rng.standard_normal(3)), 1e-2 * rng.standard_normal(9), [0, 1, 0]
+    x = np.append(exp(rng.standard_normal(3)), 1e-6 * rng.standard_normal(3))
+    d, lost = 1e-2 * rng.standard_normal(9), [0, 1, 0]
     params = np.concatenate([[0.125, 1e-12], 1e-14 * np.eye(3).ravel(), 1e-22 * np.eye(3).ravel()])
 
     def turned(x, u):

@@ -50,11 +50,9 @@ def turned(q: Array, pitch_offset_rad: float) -> Array:
 
 
 def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: Attitudes, step: int = 30) -> Array:
-    """Range-rate (m,) [m/s] by which a recovery with attitudes `one` differs from one with `other`, every `step`
-    seconds.
+    """Change of the range-rate (m,) [m/s] from attitudes `other` to `one`, every `step` seconds.
 
-    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), section
-    3.12.
+    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), 3.12.
     """
     r_C, r_D = trip.r["C"], trip.r["D"]
     e = (r_D - r_C) / np.linalg.norm(r_D - r_C, axis=1, keepdims=True)
@@ -71,11 +69,10 @@ def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: 
 
 
 def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
-    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z
-    axis.
+    """Largest departure [m] from a polar circular orbit by a constant inertial acceleration in Z.
 
-    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the
-    orbital frame, integrated by the classical Runge-Kutta method at 10 s.
+    The linearised motion about the orbit (Hill's equations) with the force turning once a revolution in the orbital
+    frame, integrated by the classical Runge-Kutta method at 10 s.
     """
     n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
 

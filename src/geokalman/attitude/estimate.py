@@ -71,8 +71,8 @@ class Solved:
     """What the chain made of one satellite at the epochs t (n,) [s] of the filter.
 
     combined : cameras at those epochs; increments : at 8 Hz; rates (n, 3) : mean gyro rates over +-0.5 s there (1 Hz
-    only), NaN where lost; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an edge
-    of the clock of the files (bad input 11), none where simulated.
+    only), NaN where lost; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an
+    edge of the clock of the files (bad input 11), none where simulated.
     """
 
     t: Array

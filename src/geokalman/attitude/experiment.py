@@ -261,8 +261,8 @@ def days(
 ) -> dict[str, Array]:  # fmt: skip
     """Range-rate differences of days one after the other, every `step` seconds [m/s], a line taken off each day.
 
-    A constant and a drift over a day are what the accelerometer's bias makes; every recovery estimates it. `none` : MEKF
-    against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in; `mekf`,
+    A constant and a drift over a day are what the accelerometer's bias makes; every recovery estimates it. `none` :
+    MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in; `mekf`,
     `rts`, `jpl_like` : each against the truth (real data: against the smoother).
     """
     parts: dict[str, list[Array]] = {}
@@ -307,8 +307,8 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
     first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
     if not 0 < first < first + count < len(result.t):
         raise ValueError(
-            f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or lengthen "
-            "the flight."
+            f"a gap of {gap_s:g} s does not lie inside {result.t[-1] - result.t[0]:g} s of data; shorten it or "
+            "lengthen the flight."
         )
     forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
     base, solutions = reference(trip, satellite, result), {"mekf": forward, "rts": smooth}

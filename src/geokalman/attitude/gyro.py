@@ -61,10 +61,9 @@ def clean(t: Array, angle_deg: Array) -> tuple[Array, Array, int]:
 
 
 def common(t: Array, angle: Array, epochs: Array) -> Array:
-    """Unwrapped angle (n,) at common epochs by cubic splines; NaN beyond the data, across gaps of more than 1 s and
-    jumps.
+    """Unwrapped angle (n,) [deg] at common epochs by cubic splines, continuous within each arc.
 
-    t, angle : (m,) [s, deg]; the result is in degrees and is continuous within each arc only.
+    t, angle : (m,) [s, deg]. NaN beyond the data, across gaps of more than 1 s and across jumps.
     """
     out = np.full(len(epochs), np.nan)
     jump = np.abs(np.diff(angle)) > LARGEST_STEP * np.maximum(1.0, GYRO_HZ * np.diff(t))
@@ -131,9 +130,7 @@ def isolate(steps: Array, reference: Array, satellite: str, block: int = 60) -> 
 
 
 def preintegrate(increments: Increments, hz: int) -> Increments:
-    """Increments composed over the steps of a filter at `hz` (1, 2 or 8): Log of the product of Exp(d), parity
-    summed.
-    """
+    """Increments over the steps of a filter at `hz` (1, 2, 8): Log of products, parity summed."""
     s = GYRO_HZ // hz
     n = len(increments.d) // s
     out = np.empty((n, 3))
@@ -173,9 +170,7 @@ def five_point_rates(angle: Array, dt: float) -> Array:
 
 
 def between(increments: Increments, first: float, last: float) -> Increments:
-    """The increments from epoch `first` to epoch `last` [s], both on the grid. Raises ValueError where they do not
-    reach.
-    """
+    """The increments from epoch `first` to `last` [s]. Raises ValueError where they do not reach."""
     t = increments.t
     k, m = (round((x - t[0]) * GYRO_HZ) for x in (first, last))
     if k < 0 or m > len(t) - 1:
@@ -184,9 +179,7 @@ def between(increments: Increments, first: float, last: float) -> Increments:
 
 
 def present(raw: Raw) -> tuple[int, ...]:
-    """The axes (1 to 4) that gave samples: at least half as many as the fullest one. Raises Level1Error for fewer than
-    three.
-    """
+    """Axes (1 to 4) with half the samples of the fullest. Raises Level1Error for fewer than three."""
     counts = (np.isfinite(raw.t_gyro) & np.isfinite(raw.gyro)).sum(axis=1)
     there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
     if len(there) < 3:
@@ -220,8 +213,7 @@ def sound(raw: Raw, tuning: Tuning) -> Tuning:
 
 
 def reduced(raw: Raw, tuning: Tuning) -> Increments:
-    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both
-    ends.
+    """8 Hz increments from the first to the last camera second, half a second more at both ends.
 
     Missing axes are left out as `sound` says. Raises Level1Error where fewer than three remain.
     """
@@ -254,8 +246,8 @@ def sound_increments(raw: Raw, tuning: Tuning, combined: Combined) -> tuple[Incr
     steps = seen.d @ gyro_matrix(raw.satellite).T + seen.parity
     axis = isolate(steps, difference(whole.q[:-1], whole.q[1:]), raw.satellite)
     warnings.warn(
-        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and was "
-        "left out.", GyroWarning, stacklevel=2,
+        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and "
+        "was left out.", GyroWarning, stacklevel=2,
     )  # fmt: skip
     fewer = replace(tuning, axes=tuple(a for a in tuning.axes if a != axis))
     return reduced(raw, fewer), fewer

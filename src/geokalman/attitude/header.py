@@ -124,9 +124,7 @@ def _broken(error: Exception, texts: list[str]) -> int | None:
 
 
 def agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
-    """Refuse a header that belongs to another product, satellite or day than the name says, or counts from another
-    epoch.
-    """
+    """Refuse a header of another product, satellite, day or epoch than the name says."""
     attributes = _mapping(header, "global_attributes")
     for key in ("title", "id", "product_name"):
         named = re.findall(

@@ -1,6 +1,4 @@
-"""Reader of the older GRACE Level-1B files in ASCII: header lines "KEY : value" up to END OF HEADER, then the
-records.
-"""
+"""Reader of GRACE Level-1B files in ASCII: lines "KEY : value" up to END OF HEADER, then records."""
 
 from __future__ import annotations
 

@@ -1,13 +1,11 @@
-"""Reader of Level-1 files in ASCII: GRACE-FO's YAML headers and, through `legacy`, those of GRACE; every refusal names
-file and line.
-"""
+"""Reader of Level-1 files in ASCII; every refusal names file and line."""
 
 from __future__ import annotations
 
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ import numpy as np
 from geokalman import reading
 from geokalman.attitude import header as headers
 from geokalman.attitude.header import Level1Error, split_name
-from geokalman.attitude.products import GRACE_FO, KEYS, SECOND_FRACTIONS, Column
+from geokalman.attitude.products import GRACE_FO, KEYS, QUATERNION, SECOND_FRACTIONS, Column
 
 MOST_BAD = 0.01
 FEWEST = 0.5
@@ -37,9 +35,7 @@ class Level1Warning(UserWarning):
 
 @dataclass(frozen=True)
 class Table:
-    """The records of one file: columns name -> (n,) int64, float64 or str, and the notes on what was mended or left
-    out.
-    """
+    """Records of one file: columns name -> (n,) int64, float64 or str; notes on what was mended."""
 
     path: Path
     product: str
@@ -61,15 +57,7 @@ class Table:
 
     def where(self, keep: np.ndarray) -> Table:
         """The records at which `keep` (n,) is true."""
-        return Table(
-            self.path,
-            self.product,
-            self.satellite,
-            self.date,
-            {k: v[keep] for k, v in self.columns.items()},
-            self.notes,
-            self.header,
-        )
+        return replace(self, columns={k: v[keep] for k, v in self.columns.items()})
 
 
 def read(path: Path | str, product: str | None = None, satellite: str | None = None, date: str | None = None) -> Table:
@@ -95,18 +83,10 @@ def read(path: Path | str, product: str | None = None, satellite: str | None = N
 
 
 def records(
-    path: Path,
-    parts: dict[str, str],
-    stream: Iterator[tuple[reading.Place, str]],
-    first: int,
-    schema: Sequence[Column | None],
-    promised: int | None,
-    header: dict,
-    notes: Sequence[str] = (),
-) -> Table:
-    """Parse, check and order the records that follow a header; `first` is the number of their first line in the
-    file, `notes` what was already mended.
-    """
+    path: Path, parts: dict[str, str], stream: Iterator[tuple[reading.Place, str]], first: int,
+    schema: Sequence[Column | None], promised: int | None, header: dict, notes: Sequence[str] = (),
+) -> Table:  # fmt: skip
+    """Parse, check and order the records after a header; first : line of the first, notes : so far."""
     pieces: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
     bad: list[tuple[int, str]] = []
@@ -175,9 +155,7 @@ def _empty(column: Column) -> np.ndarray:
 def _parse(
     lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]
 ) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Columns of a chunk of lines, converted whole where every field is sound, else without the bad records; lines of
-    the sound.
-    """
+    """Columns and line numbers of a chunk: converted whole, or without the bad records."""
     try:
         return _convert([line for _, line in lines], schema), [number for number, _ in lines]
     except ValueError:
@@ -242,7 +220,7 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
 
 def _norm(columns: dict[str, np.ndarray]) -> np.ndarray:
     with np.errstate(over="ignore"):
-        return np.sqrt(sum(columns[name] ** 2 for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")))
+        return np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
 
 
 def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
@@ -325,6 +303,6 @@ def _quaternions(columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, 
                 f"{np.abs(norm - 1).max():.1e} normalised"
             )
         )
-        for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"):
+        for name in QUATERNION:
             columns[name] = np.where(off, columns[name] / norm, columns[name])
     return columns

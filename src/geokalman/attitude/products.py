@@ -9,8 +9,9 @@ Kind = Literal["int", "float", "text", "flags"]
 
 
 class Column(NamedTuple):
-    """One column: its name, kind (flags are strings of 0 and 1, bit 0 last) and unit; what a value must lie between;
-    the file's unit in ours, and the values by which the file marks a missing one.
+    """One column: name, kind (flags: 0 and 1, bit 0 last), unit, limits, and how the file has it.
+
+    factor : the file's unit in ours; fill : values that mark a missing one.
     """
 
     name: str
@@ -45,7 +46,8 @@ LIMITS: dict[str, tuple[float, float]] = {
 """What values of a column lie between: beyond, a record is bad."""
 
 
-_QUATERNION = "quatangle:f quaticoeff:f quatjcoeff:f quatkcoeff:f"
+QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
+_QUATERNION = " ".join(f"{name}:f" for name in QUATERNION)
 _STATE = (
     "gps_time:i:s GRACEFO_id:t coord_ref:t xpos:f:m ypos:f:m zpos:f:m xpos_err:f:m ypos_err:f:m zpos_err:f:m "
     "xvel:f:m/s yvel:f:m/s zvel:f:m/s xvel_err:f:m/s yvel_err:f:m/s zvel_err:f:m/s qualflg:b"
@@ -92,33 +94,19 @@ GRACE_FO: dict[str, tuple[Column, ...]] = {
 
 _THR_COUNTS = " ".join(f"{what}_{k}:i" for what in ("thrust_count", "on_time", "accum_dur") for k in range(1, 15))
 GRACE: dict[str, tuple[Column, ...]] = {
-    "SCA1B": GRACE_FO["SCA1B"],
-    "QSA1B": GRACE_FO["SCA1B"],
-    "QKS1B": GRACE_FO["SCA1B"],
-    "CLK1B": GRACE_FO["CLK1B"],
-    "TIM1B": GRACE_FO["TIM1B"],
-    "ACC1B": GRACE_FO["ACT1B"],
-    "GNV1B": GRACE_FO["GNV1B"],
-    "KBR1B": GRACE_FO["KBR1B"],
+    "SCA1B": GRACE_FO["SCA1B"], "QSA1B": GRACE_FO["SCA1B"], "QKS1B": GRACE_FO["SCA1B"], "CLK1B": GRACE_FO["CLK1B"],
+    "TIM1B": GRACE_FO["TIM1B"], "ACC1B": GRACE_FO["ACT1B"], "GNV1B": GRACE_FO["GNV1B"], "KBR1B": GRACE_FO["KBR1B"],
     "VKB1B": GRACE_FO["VKB1B"],
     "THR1B": _columns(f"time_intg:i:s time_frac:i:us time_ref:t GRACE_id:t {_THR_COUNTS} qualflg:b"),
-}
+}  # fmt: skip
 """GRACE, Level-1B release 00 in ASCII: header lines "KEY : value" up to END OF HEADER, the same columns."""
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "SCA1A": ("rcvtime_intg", "rcvtime_frac", "sca_id"),
-    "IMU1A": ("time_intg", "time_frac", "gyro_id"),
-    "IMU1B": ("time_intg", "time_frac", "gyro_id"),
-    "SCA1B": ("gps_time",),
-    "ACC1B": ("gps_time",),
-    "ACT1B": ("gps_time",),
-    "GNI1B": ("gps_time",),
-    "GNV1B": ("gps_time",),
-    "KBR1B": ("gps_time",),
-    "CLK1B": ("rcv_time",),
-    "TIM1B": ("obdh_time",),
-    "THR1B": ("time_intg", "time_frac"),
-}
+    "SCA1A": ("rcvtime_intg", "rcvtime_frac", "sca_id"), "IMU1A": ("time_intg", "time_frac", "gyro_id"),
+    "IMU1B": ("time_intg", "time_frac", "gyro_id"), "SCA1B": ("gps_time",), "ACC1B": ("gps_time",),
+    "ACT1B": ("gps_time",), "GNI1B": ("gps_time",), "GNV1B": ("gps_time",), "KBR1B": ("gps_time",),
+    "CLK1B": ("rcv_time",), "TIM1B": ("obdh_time",), "THR1B": ("time_intg", "time_frac"),
+}  # fmt: skip
 """Time tags of each product, coarse first, and what tells rows of one epoch apart; mounting files have none to be
 unique in.
 """

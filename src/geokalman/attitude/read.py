@@ -14,12 +14,12 @@ from geokalman.attitude import cameras, gyro
 from geokalman.attitude.header import NAME, Level1Error, flag_meanings
 from geokalman.attitude.level1 import Level1Warning, Table, read
 from geokalman.attitude.model import SATELLITES, Array, Raw, mounting
+from geokalman.attitude.products import QUATERNION
 from geokalman.attitude.timetags import clock, flag_bits, seconds
 from geokalman.attitude.truth import Flight
 from geokalman.attitude.write import gps_second
 from geokalman.physics.quaternion import normalise
 
-QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
 WORST_CONFIDENCE = 5
 REFUSED = re.compile(r"invalid|not valid|\bsun\b|\bmoon\b|non-stellar|false star", re.IGNORECASE)
 VALID = re.compile(r"\b1\s*=\s*valid", re.IGNORECASE)
@@ -36,9 +36,7 @@ def dates(folder: Path | str) -> list[str]:
 
 
 def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
-    """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked
-    for.
-    """
+    """The newest file of a product. Raises Level1Error naming what was looked for."""
     found = versions(folder, product, satellite, date)
     if not found:
         packed = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt.*"))
@@ -119,9 +117,7 @@ def refused(table: Table, name: str) -> np.ndarray:
 
 
 def _unflagged(table: Table, *names: str) -> Table:
-    """The records that none of the flags refuse; what is left out is warned of. Raises Level1Error where nothing is
-    left.
-    """
+    """The records that no flag refuses, with a warning. Raises Level1Error where nothing is left."""
     bad = np.any([refused(table, name) for name in names], axis=0)
     if bad.all():
         raise Level1Error(f"{table.path}: the flags {' and '.join(names)} refuse all {len(bad)} records.")
@@ -132,9 +128,7 @@ def _unflagged(table: Table, *names: str) -> Table:
 
 
 def qsa(folder: Path | str, satellite: str, date: str) -> Array:
-    """Mounting quaternions (3, 4) of the cameras from QSA1B (its last row of each), or those of the model, with a
-    warning.
-    """
+    """Mounting quaternions (3, 4) from the last rows of QSA1B, or with a warning those of the model."""
     try:
         table = read(find(folder, "QSA1B", satellite, date), "QSA1B", satellite)
     except Level1Error as error:

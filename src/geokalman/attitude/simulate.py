@@ -10,19 +10,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from geokalman.attitude.model import (
-    CAMERA_HZ,
-    EPOCH_2019,
-    GYRO_HZ,
-    SATELLITES,
-    SUN,
-    WRAP_DEG,
-    Array,
-    Raw,
-    Scenario,
-    arw_density,
-    gyro_matrix,
+    CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Raw, Scenario, arw_density, gyro_matrix,
     mounting,
-)
+)  # fmt: skip
 from geokalman.attitude.truth import REVOLUTION, Flight, Truth, fly, increments
 from geokalman.physics.quaternion import conjugate, exp, matrix, multiply
 

@@ -1,6 +1,4 @@
-"""Time tags: on-board computer to receiver time by TIM1B, receiver to GPS time by CLK1B; integer seconds kept apart
-from fractions.
-"""
+"""Time tags: on-board to receiver time by TIM1B, receiver to GPS time by CLK1B."""
 
 from __future__ import annotations
 
@@ -19,9 +17,7 @@ def flag_bits(flags: np.ndarray) -> np.ndarray:
 
 
 def seconds(whole: np.ndarray, fraction: np.ndarray, per_second: int, origin: int) -> Array:
-    """Seconds after an integer origin, exact to 1e-11 s: the large integers are subtracted before anything becomes a
-    float.
-    """
+    """Seconds after an integer origin, exact to 1e-11 s: large integers are subtracted first."""
     return (np.asarray(whole, dtype=np.int64) - origin).astype(float) + np.asarray(
         fraction, dtype=np.int64
     ) / per_second
@@ -44,8 +40,11 @@ class Clock:
     no_after: np.ndarray
 
     def gps(self, obc: Array) -> tuple[Array, np.ndarray]:
-        """GPS times [s after the origin] of on-board times and which of them stand at an edge: beyond the tables, or in
-        a segment of the clock that must not be bridged. Edges are carried by the nearest offset and marked."""
+        """GPS times [s after the origin] of on-board times, and which of them stand at an edge.
+
+        An edge is beyond the tables, or in a segment of the clock that must not be bridged; it is carried by the
+        nearest offset.
+        """
         receiver = obc + np.interp(obc, self.obc, self.to_receiver)
         edge = (obc < self.obc[0]) | (obc > self.obc[-1])
         gps = receiver + np.interp(receiver, self.receiver, self.to_gps)
@@ -60,11 +59,10 @@ class Clock:
 
 
 def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
-    """The clock of one satellite from its TIM1B and CLK1B files: of the day, and of its neighbours where they are
-    there.
+    """The clock of one satellite from its TIM1B and CLK1B files of the day and its neighbours.
 
     Undefined pairs (gpstime_intg = 0) and those with a flag of bit 3 or above are left out. Raises Level1Error where
-    nothing is left, and where on-board time does not increase.
+    nothing is left.
     """
     obc, receiver = [], []
     for table in tim:

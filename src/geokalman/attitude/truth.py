@@ -170,9 +170,7 @@ def _kicks(t, events, kicks, tau, out):
 
 
 def attitude(r_self: Array, r_other: Array, angles: Array) -> Array:
-    """Attitudes q (n, 4), SRF to ICRF, of a satellite that points by `angles` (roll, pitch, yaw) off the line of
-    sight.
-    """
+    """Attitudes q (n, 4), SRF to ICRF, that point by `angles` (roll, pitch, yaw) off the line of sight."""
     q = np.empty((len(angles), 4))
     _attitude(r_self, r_other, angles, q)
     return q
@@ -234,9 +232,7 @@ def _increments(q, out):
 
 
 def fly(scenario: Scenario, rng: np.random.Generator) -> dict[str, Truth]:
-    """True motion of C (leading) and D on the 8 Hz grid; start anomaly and pointing are drawn from three children of
-    rng.
-    """
+    """True motion of C (leading) and D at 8 Hz; rng has children for the anomaly and each pointing."""
     t = grid(scenario)
     children = rng.spawn(3)
     anomaly = children[0].uniform(0, 2 * math.pi)
