@@ -262,8 +262,8 @@ def days(
     """Range-rate differences of days one after the other, every `step` seconds [m/s], a line taken off each day.
 
     A constant and a drift over a day are what the accelerometer's bias makes; every recovery estimates it. `none` :
-    MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in; `mekf`,
-    `rts`, `jpl_like` : each against the truth (real data: against the smoother).
+    MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the stand-in;
+    `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
     """
     parts: dict[str, list[Array]] = {}
     for trip in flights(scenario, n_days, seed0, data_dir):

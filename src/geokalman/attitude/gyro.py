@@ -184,10 +184,8 @@ def present(raw: Raw) -> tuple[int, ...]:
     there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
     if len(there) < 3:
         raise Level1Error(
-            (
-                f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on "
-                "axes 1 to 4); three are needed."
-            )
+            f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on "
+            "axes 1 to 4); three are needed."
         )
     return there
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from geokalman import reading
 from geokalman.attitude import header as headers
-from geokalman.attitude.header import Level1Error, split_name
-from geokalman.attitude.products import GRACE_FO, KEYS, QUATERNION, SECOND_FRACTIONS, Column
+from geokalman.attitude.header import Level1Error
+from geokalman.attitude.products import GRACE_FO, KEYS, QUATERNION, Column
 
 MOST_BAD = 0.01
 FEWEST = 0.5
@@ -69,12 +69,7 @@ def read(path: Path | str, product: str | None = None, satellite: str | None = N
     records, fewer than half of the records that the header promises; FileNotFoundError.
     """
     path = Path(path)
-    parts = split_name(path)
-    for what, wanted in (("product", product), ("satellite", satellite), ("date", date)):
-        if wanted is not None and parts[what] != wanted:
-            raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
-    if parts["product"] not in GRACE_FO:
-        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE_FO)}.")
+    parts = headers.parts_of(path, GRACE_FO, product, satellite, date)
     stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
     header, first, notes = headers.read_header(path, stream)
     headers.agree(path, parts, header)
@@ -91,15 +86,14 @@ def records(
     numbers: list[int] = []
     bad: list[tuple[int, str]] = []
     lines: list[tuple[int, str]] = []
-    total, unfinished = 0, False
+    total, unfinished, notes = 0, False, list(notes)
 
     def flush() -> None:
-        nonlocal lines
         if lines:
             piece, sound = _parse(lines, schema, bad)
             pieces.append(piece)
             numbers.extend(sound)
-            lines = []
+            lines.clear()
 
     for place, line in stream:
         if line.strip():
@@ -108,7 +102,6 @@ def records(
             lines.append((place.line, line))
             total += 1
             unfinished = not line.endswith("\n")
-    notes = list(notes)
     if unfinished and lines and _fault(lines[-1][1].split(), schema):
         number, _ = lines.pop()
         total -= 1
@@ -131,18 +124,13 @@ def records(
     if not total:
         raise Level1Error(f"{path}: no records after the header (line {first}).")
     letters = columns.get("GRACEFO_id", columns.get("GRACE_id"))
-    if (
-        letters is not None
-        and len(letters)
-        and parts["satellite"] not in "XY"
-        and (letters != parts["satellite"]).any()
-    ):
-        k = int(np.argmax(letters != parts["satellite"]))
+    foreign = np.zeros(0, bool) if letters is None or parts["satellite"] in "XY" else letters != parts["satellite"]
+    if foreign.any():
+        k = int(np.argmax(foreign))
         raise Level1Error(
             f"{path}, line {numbers[k]}: a record says satellite {letters[k]}, the file name {parts['satellite']}."
         )
-    columns = _in_order(parts["product"], columns, notes)
-    columns = _quaternions(columns, notes)
+    columns = _quaternions(_in_order(parts["product"], columns, notes), notes)
     for note in notes:
         warnings.warn(f"{path}: {note}.", Level1Warning, stacklevel=3)
     return Table(path, parts["product"], parts["satellite"], parts["date"], columns, tuple(notes), header)
@@ -160,16 +148,15 @@ def _parse(
         return _convert([line for _, line in lines], schema), [number for number, _ in lines]
     except ValueError:
         pass
-    good, numbers = [], []
+    good = {}
     for number, line in lines:
         line = _with_e(line, schema)
         fault = _fault(line.split(), schema) or ("" if line.isascii() else "a space that is not ASCII stands in it")
         if fault:
             bad.append((number, fault))
         else:
-            good.append(line)
-            numbers.append(number)
-    return _convert(good, schema), numbers
+            good[number] = line
+    return _convert(list(good.values()), schema), list(good)
 
 
 def _with_e(line: str, schema: Sequence[Column | None]) -> str:
@@ -273,8 +260,7 @@ def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) ->
     series = [columns[key] for key in keys]
     order = np.lexsort(series[::-1])
     if (order != np.arange(len(order))).any():
-        time = series[:2] if len(series) > 1 and keys[1] in SECOND_FRACTIONS else series[:1]
-        back = int(sum(1 for _ in np.flatnonzero(np.diff(time[0]) < 0)))
+        back = int((np.diff(series[0]) < 0).sum())
         if back:
             notes.append(f"time runs backwards at {back} place{'s' * (back > 1)}; the records were sorted")
     columns = {name: values[order] for name, values in columns.items()}
@@ -282,9 +268,8 @@ def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) ->
     for key in keys:
         same &= columns[key][1:] == columns[key][:-1]
     if same.any():
-        notes.append(
-            f"{int(same.sum())} duplicate time tag{'s' * (int(same.sum()) > 1)}; the first record of each was kept"
-        )
+        count = int(same.sum())
+        notes.append(f"{count} duplicate time tag{'s' * (count > 1)}; the first record of each was kept")
         keep = np.concatenate([[True], ~same])
         columns = {name: values[keep] for name, values in columns.items()}
     return columns
@@ -297,12 +282,8 @@ def _quaternions(columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, 
     norm = _norm(columns)
     off = np.abs(norm - 1.0) > NORM_EXACT
     if off.any():
-        notes.append(
-            (
-                f"{int(off.sum())} quaternion{'s' * (int(off.sum()) > 1)} with a norm off by up to "
-                f"{np.abs(norm - 1).max():.1e} normalised"
-            )
-        )
+        count, most = int(off.sum()), np.abs(norm - 1).max()
+        notes.append(f"{count} quaternion{'s' * (count > 1)} with a norm off by up to {most:.1e} normalised")
         for name in QUATERNION:
             columns[name] = np.where(off, columns[name] / norm, columns[name])
     return columns

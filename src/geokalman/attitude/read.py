@@ -55,6 +55,10 @@ def versions(folder: Path | str, product: str, satellite: str, date: str) -> lis
     return sorted(path for path in found if NAME.match(path.name))
 
 
+def _table(folder: Path | str, product: str, satellite: str, date: str) -> Table:
+    return read(find(folder, product, satellite, date), product, satellite, date)
+
+
 def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
     """Sensors of one satellite on one day, in GPS time, and which camera epochs stand at an edge of the clock (n,).
 
@@ -63,15 +67,13 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     the readers do.
     """
     day = datetime.date.fromisoformat(date)
-    around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 0, 1)]
+    around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 1)]
     origin = gps_second(date)
-    sca, imu = (
-        read(find(folder, product, satellite, date), product, satellite, date) for product in ("SCA1A", "IMU1A")
-    )
+    sca, imu = (_table(folder, product, satellite, date) for product in ("SCA1A", "IMU1A"))
     tables: dict[str, list[Table]] = {}
     for product in ("TIM1B", "CLK1B"):
         files = [find(folder, product, satellite, date)]
-        files += [p for other in (around[0], around[2]) for p in versions(folder, product, satellite, other)[-1:]]
+        files += [p for other in around for p in versions(folder, product, satellite, other)[-1:]]
         tables[product] = [read(path, product, satellite) for path in files]
     time = clock(tables["TIM1B"], tables["CLK1B"], origin)
     q_qsa = qsa(folder, satellite, date)
@@ -95,14 +97,10 @@ def refused(table: Table, name: str) -> np.ndarray:
     a bit has other meanings in GRACE and GRACE-FO.
     """
     texts = table[name]
-    none = np.zeros(len(texts), bool)
     if any(text.strip("01") for text in np.unique(texts)):
-        warnings.warn(
-            f"{table.path}: {name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used.",
-            Level1Warning,
-            stacklevel=4,
-        )
-        return none
+        text = f"{name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used."
+        warnings.warn(f"{table.path}: {text}", Level1Warning, stacklevel=4)
+        return np.zeros(len(texts), bool)
     bits, meanings = flag_bits(texts), flag_meanings(table.header, name)
     valid = sum(1 << bit for bit, text in meanings.items() if VALID.search(text))
     bad = sum(1 << bit for bit, text in meanings.items() if REFUSED.search(text) and not VALID.search(text))
@@ -110,8 +108,7 @@ def refused(table: Table, name: str) -> np.ndarray:
     if dark.any():
         warnings.warn(
             f"{table.path}: {name} of {int(dark.sum())} of {len(dark)} records has bits set that the header does not "
-            "explain, as "
-            f"{texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
+            f"explain, as {texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
         )  # fmt: skip
     return (bits & bad != 0) | (bits & valid != valid)
 
@@ -177,7 +174,7 @@ def orbit(folder: Path | str, satellite: str, date: str, product: str = "GNI1B")
 
     Raises Level1Error for Earth-fixed states (coord_ref E, as GNV1B gives): they would need the Earth's rotation first.
     """
-    table = read(find(folder, product, satellite, date), product, satellite, date)
+    table = _table(folder, product, satellite, date)
     if (table["coord_ref"] != "I").any():
         k = int(np.argmax(table["coord_ref"] != "I"))
         raise Level1Error(
@@ -215,7 +212,7 @@ def _in_orbit(table: Table, t: Array, r: Array, v: Array) -> None:
 
 def accelerations(folder: Path | str, satellite: str, date: str) -> tuple[Array, Array]:
     """Times (n,) [s after the day's start] and linear accelerations (n, 3) [m/s^2] in the SRF, from ACT1B."""
-    table = read(find(folder, "ACT1B", satellite, date), "ACT1B", satellite, date)
+    table = _table(folder, "ACT1B", satellite, date)
     t = (table["gps_time"] - gps_second(date)).astype(float)
     return t, table.stacked("lin_accl_x", "lin_accl_y", "lin_accl_z")
 

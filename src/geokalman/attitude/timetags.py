@@ -69,20 +69,14 @@ def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
         good = (table["gpstime_intg"] != 0) & (flag_bits(table["qualflg"]) & 0b11111000 == 0)
         obc.append((table["obdh_time"][good] - origin).astype(float))
         receiver.append(seconds(table["gpstime_intg"][good], table["gpstime_frac"][good], 10**9, origin))
-    x, x_index = np.unique(np.concatenate(obc), return_index=True) if obc else (np.empty(0), np.empty(0, int))
-    if len(x) < 1:
-        raise Level1Error(f"{tim[0].path if tim else 'TIM1B'}: no usable pair of on-board and receiver time is left.")
-    y = np.concatenate(receiver)[x_index] - x
-    rcv, eps, before, after = [], [], [], []
-    for table in clk:
-        bits = flag_bits(table["qualflg"])
-        rcv.append((table["rcv_time"] - origin).astype(float))
-        eps.append(table["eps_time"])
-        before.append(bits & 0b10 != 0)
-        after.append(bits & 0b01 != 0)
-    u, index = np.unique(np.concatenate(rcv), return_index=True) if rcv else (np.empty(0), np.empty(0, int))
-    if len(u) < 1:
-        raise Level1Error(f"{clk[0].path if clk else 'CLK1B'}: no clock offset is left.")
-    return Clock(
-        origin, x, y, u, np.concatenate(eps)[index], np.concatenate(before)[index], np.concatenate(after)[index]
-    )
+    x, index = np.unique(np.concatenate(obc), return_index=True)
+    if not len(x):
+        raise Level1Error(f"{tim[0].path}: no usable pair of on-board and receiver time is left.")
+    y = np.concatenate(receiver)[index] - x
+    rcv = np.concatenate([table["rcv_time"] for table in clk])
+    u, index = np.unique((rcv - origin).astype(float), return_index=True)
+    if not len(u):
+        raise Level1Error(f"{clk[0].path}: no clock offset is left.")
+    eps = np.concatenate([table["eps_time"] for table in clk])[index]
+    bits = np.concatenate([flag_bits(table["qualflg"]) for table in clk])[index]
+    return Clock(origin, x, y, u, eps, bits & 0b10 != 0, bits & 0b01 != 0)
