@@ -7,13 +7,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import CubicSpline
 
 from geokalman.attitude.cameras import Combined, at_seconds
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, arw_density, gyro_matrix
-from geokalman.physics.quaternion import difference, exp_point, log_point, multiply_point
+from geokalman.physics.quaternion import difference, exp, log, multiply
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
 LARGEST_STEP = 0.1  # deg per 1/8 s: more is a fault, not motion
@@ -133,22 +132,12 @@ def preintegrate(increments: Increments, hz: int) -> Increments:
     """Increments over the steps of a filter at `hz` (1, 2, 8): Log of products, parity summed."""
     s = GYRO_HZ // hz
     n = len(increments.d) // s
-    out = np.empty((n, 3))
-    _compose(np.ascontiguousarray(increments.d[: n * s]), s, out)
+    turns = exp(increments.d[: n * s].reshape(n, s, 3))
+    q = turns[:, 0]
+    for j in range(1, s):
+        q = multiply(q, turns[:, j])
     parity = increments.parity[: n * s].reshape(n, s, -1).sum(axis=1)
-    return Increments(increments.t[: n * s + 1 : s], out, parity)
-
-
-@njit(cache=True)
-def _compose(d, s, out):
-    q, e, work = np.empty(4), np.empty(4), np.empty(4)
-    for k in range(len(out)):
-        exp_point(d[k * s], q)
-        for j in range(1, s):
-            exp_point(d[k * s + j], e)
-            multiply_point(q, e, work)
-            q[:] = work
-        log_point(q, out[k])
+    return Increments(increments.t[: n * s + 1 : s], log(q), parity)
 
 
 def mean_rates(increments: Increments) -> tuple[Array, Array]:

@@ -101,7 +101,8 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
     whole, fraction = _tags(obc_time(raw.t_camera[epoch]), origin)
     cameras = {
         "rcvtime_intg": whole, "rcvtime_frac": fraction, "sca_id": order + 1,
-        "sca_desig": np.where(order == 0, "P", "S"), **_quaternion(raw.q_camera[order, epoch]), "nlocks": 20, "nstars": 30, "sca_confid": 1, "sca_null1": 0,
+        "sca_desig": np.where(order == 0, "P", "S"), **_quaternion(raw.q_camera[order, epoch]),
+        "nlocks": 20, "nstars": 30, "sca_confid": 1, "sca_null1": 0,
         "sca_null2": 0, "sca_mode": FLAGS,
     }  # fmt: skip
     there = np.isfinite(raw.t_gyro.T) & np.isfinite(raw.gyro.T)  # axes have unequal counts, padded with NaN
