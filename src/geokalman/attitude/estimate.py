@@ -324,12 +324,12 @@ def _xi(q, X):
 @njit(cache=True)
 def _congruence(M, N, factor, out):
     """out = factor M N M' in the upper left block (4, 4); M (4, 3), N (3, 3)."""
-    row = np.empty(3)
     for i in range(4):
-        for c in range(3):
-            row[c] = M[i, 0] * N[0, c] + M[i, 1] * N[1, c] + M[i, 2] * N[2, c]
+        x = M[i, 0] * N[0, 0] + M[i, 1] * N[1, 0] + M[i, 2] * N[2, 0]
+        y = M[i, 0] * N[0, 1] + M[i, 1] * N[1, 1] + M[i, 2] * N[2, 1]
+        z = M[i, 0] * N[0, 2] + M[i, 1] * N[1, 2] + M[i, 2] * N[2, 2]
         for j in range(4):
-            out[i, j] = factor * (row[0] * M[j, 0] + row[1] * M[j, 1] + row[2] * M[j, 2])
+            out[i, j] = factor * (x * M[j, 0] + y * M[j, 1] + z * M[j, 2])
 
 
 @njit(PROPAGATE, cache=True)
