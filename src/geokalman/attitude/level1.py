@@ -222,34 +222,27 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
         if column is None:
             continue
         form = FORMS.get(column.kind)
+        found, shown = f"column {k} ({column.name}) is", text[:30]
         if form and not form.match(text):
-            return (
-                f"column {k} ({column.name}) is {text[:30]!r}, not "
-                f"{'an integer' if column.kind == 'int' else 'a number'}"
-            )
+            return f"{found} {shown!r}, not {'an integer' if column.kind == 'int' else 'a number'}"
         if column.kind == "flags" and text.strip("01"):
-            return f"column {k} ({column.name}) is {text[:30]!r}, not a string of 0 and 1"
+            return f"{found} {shown!r}, not a string of 0 and 1"
         if form is None:
             continue
         value = int(text) if column.kind == "int" else float(text)
         if column.kind == "int" and not -(2**63) <= value < 2**63:
-            return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
+            return f"{found} {shown}, no 64-bit integer"
         if not np.isfinite(value * column.factor):
-            return f"column {k} ({column.name}) is {text[:30]}"
+            return f"{found} {shown}"
         if value in column.fill:
-            return f"column {k} ({column.name}) is {text[:30]}, which marks a missing value"
+            return f"{found} {shown}, which marks a missing value"
         if not column.low <= value * column.factor <= column.high:
-            return f"column {k} ({column.name}) is {text[:30]}, outside {column.low:.10g} to {column.high:.10g}"
+            return f"{found} {shown}, outside {column.low:.10g} to {column.high:.10g}"
     if not any(c is not None and c.name == "quatangle" for c in schema):
         return ""
-    norm = float(_norm(_named(row, schema)))
+    named = {c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c and c.name in QUATERNION}
+    norm = float(_norm(named))
     return "" if abs(norm - 1.0) <= NORM_REFUSED else f"the quaternion has the norm {norm:g}"
-
-
-def _named(row: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
-    return {
-        c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c is not None and c.kind == "float"
-    }
 
 
 def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, np.ndarray]:
