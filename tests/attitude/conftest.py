@@ -9,7 +9,7 @@ matplotlib.use("Agg")
 import numba
 import pytest
 
-from geokalman.attitude import flight as flights
+from geokalman.attitude import experiment as flights
 from geokalman.attitude.model import Scenario, Tuning
 
 

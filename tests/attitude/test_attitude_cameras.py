@@ -7,8 +7,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.attitude import cameras, campaign, simulate, truth
-from geokalman.attitude.flight import camera_angles, in_satellite_axes
+from geokalman.attitude import cameras, experiment, simulate, truth
+from geokalman.attitude.cameras import in_satellite_axes
+from geokalman.attitude.experiment import camera_angles
 from geokalman.attitude.model import AXES, QSA, Scenario, Tuning
 from geokalman.physics.quaternion import difference, exp, multiply
 
@@ -17,7 +18,7 @@ SIGMA = Scenario().sigma
 
 def test_single_cameras_and_combinations(hours, tuning):
     """E1 and E2, on one two-hour flight."""
-    table = campaign.camera_errors(Scenario(duration_s=7200.0), tuning, 1, 1)
+    table = experiment.camera_errors(Scenario(duration_s=7200.0), tuning, 1, 1)
     rms = {name: value for name, (value, _) in table.items()}
     assert rms["single.2.rms.pitch"] / rms["single.1.rms.pitch"] == pytest.approx(6.9, abs=0.2)
     assert rms["single.2.rms.roll"] / rms["single.1.rms.roll"] == pytest.approx(0.91, abs=0.02)
@@ -30,14 +31,14 @@ def test_single_cameras_and_combinations(hours, tuning):
 
 
 def test_a_zenith_camera_has_a_clean_roll(tuning):
-    table = campaign.camera_errors(Scenario(duration_s=3600.0, mount="zenith"), tuning, 1, 1, "C")
+    table = experiment.camera_errors(Scenario(duration_s=3600.0, mount="zenith"), tuning, 1, 1, "C")
     for axis in ("roll", "pitch"):
         assert table[f"single.1.rms.{axis}"][0] == pytest.approx(24.2e-6, abs=0.6e-6)
 
 
 def test_weights_matter_only_where_they_are_ignored(tuning):
     """E2b."""
-    errors = campaign.weights(Scenario(duration_s=3600.0), tuning, [1.0, 3.0, 6.0, 9.0, 12.0, 30.0], 1, 1, "C")
+    errors = experiment.weights(Scenario(duration_s=3600.0), tuning, [1.0, 3.0, 6.0, 9.0, 12.0, 30.0], 1, 1, "C")
     np.testing.assert_allclose(errors[1.0], (61e-6, 80e-6, 79e-6), atol=3e-6)
     np.testing.assert_allclose(errors[3.0], (17.5e-6, 21.6e-6, 21.4e-6), atol=0.5e-6)
     for k in (6.0, 12.0, 30.0):
@@ -139,7 +140,7 @@ def test_mounting_errors_are_found_but_for_what_all_share():
 
 def test_calibration_repairs_the_filter(tuning):
     """E12 on two short flights: the innovations come back to one."""
-    table = campaign.mounting(Scenario(duration_s=5400.0, mount_err_rad=1.5e-4), tuning, 2, 3)
+    table = experiment.mounting(Scenario(duration_s=5400.0, mount_err_rad=1.5e-4), tuning, 2, 3)
     assert table["before.nis3"][0] > 1.2
     assert table["after.nis3"][0] == pytest.approx(1.0, abs=0.03)
     for axis, value in zip(AXES, (1.7e-6, 1.8e-6, 1.8e-6), strict=True):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geokalman.attitude import campaign, effect, pointing
+from geokalman.attitude import effect, experiment, pointing
 from geokalman.attitude.model import PHASE_CENTRE, SATELLITES, SUN, Scenario, los_frame
 from geokalman.physics.quaternion import exp, from_matrix, multiply
 
@@ -44,7 +44,7 @@ def test_antenna_correction(hours, solved):
 
 
 def test_errors_of_the_antenna_rate_follow_the_filter(hours, tuning):
-    table = campaign.filters(Scenario(duration_s=7200.0), tuning, 1, 1, names=("mekf", "rts", "jpl_like"))
+    table = experiment.filters(Scenario(duration_s=7200.0), tuning, 1, 1, names=("mekf", "rts", "jpl_like"))
     assert table["kbr_rate_error.mekf"][0] == pytest.approx(1.29e-10, abs=0.05e-10)
     assert table["kbr_rate_error.rts"][0] == pytest.approx(0.90e-10, abs=0.04e-10)
     assert table["kbr_rate_error.jpl_like"][0] == pytest.approx(2.83e-10, abs=0.1e-10)
@@ -103,7 +103,7 @@ def test_range_rate_differences_of_a_flight(hours, solved):
 
 def test_half_a_second_is_half_a_milliradian_of_pitch(hours, tuning):
     """E10: -0.554 mrad on C, which flies backwards, +0.554 on D; nothing in roll and yaw."""
-    change = campaign.shifted(Scenario(duration_s=7200.0), tuning, 0.5, 1, 1)
+    change = experiment.shifted(Scenario(duration_s=7200.0), tuning, 0.5, 1, 1)
     assert change["C.pitch"][0] == pytest.approx(-0.554e-3, abs=0.005e-3)
     assert change["D.pitch"][0] == pytest.approx(0.554e-3, abs=0.005e-3)
     for name in ("C.roll", "C.yaw", "D.roll", "D.yaw"):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from geokalman.attitude import assess, campaign, effect, estimate, pointing, trials
-from geokalman.attitude.flight import angles_of
+from geokalman.attitude import assess, effect, estimate, experiment, pointing
+from geokalman.attitude.experiment import angles_of
 from geokalman.attitude.model import PHASE_CENTRE, Scenario, Tuning, arw_density
 from geokalman.attitude.truth import increments
 from geokalman.physics.quaternion import exp, log, matrix, multiply
@@ -73,9 +73,11 @@ def test_log_and_twice_the_vector_part_agree_at_the_size_of_noise():
 
 def test_a_start_with_twice_the_vector_part_stays_wrong(hours, solved, tuning):
     """Section 3.6: from 60 degrees it leaves 1.1e-4 rad after 600 s; with Log the error is gone in 3 s."""
-    left = trials.vector_part_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3))
+    left = experiment.wrong_start(
+        hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3), 600, "vector_part"
+    )
     assert left[600] == pytest.approx(1.1e-4, rel=0.15)
-    gone = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3))
+    gone = experiment.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(3))
     assert gone[3] < 5e-5
 
 
@@ -130,14 +132,14 @@ def test_drag_and_radiation_cannot_make_the_printed_mean(hours):
 
 def test_the_offset_changes_the_antenna_rate_by_more_than_itself(hours, tuning):
     """I7: 1.1 times the rate with the offset in one satellite, 1.6 times with it in both."""
-    table = campaign.filters(Scenario(duration_s=7200.0), tuning, 1, 1, names=("mekf", "rts", "jpl_like"))
+    table = experiment.filters(Scenario(duration_s=7200.0), tuning, 1, 1, names=("mekf", "rts", "jpl_like"))
     for word, expected in (("one", 1.1), ("both", 1.6)):
         assert table[f"kbr_rate_difference.{word}"][0] / table["aoc.rate_rms"][0] == pytest.approx(expected, rel=0.2)
 
 
 def test_the_additive_filter_starts_from_anywhere_with_a_prior_of_full_rank(hours, solved, tuning):
     """I9: below tens of microradians 10 s after a start 60 degrees off; its covariance has the rank of the attitude."""
-    error = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(5), 60, "akf7")
+    error = experiment.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(5), 60, "akf7")
     assert error[10:].max() < 3e-5
     cov = solved["C"].solutions["akf7"].cov[-1]
     np.testing.assert_allclose(cov, solved["C"].solutions["mekf"].cov[-1], rtol=2e-3, atol=2e-15)
@@ -154,6 +156,6 @@ def test_an_offset_of_time_is_pitch_and_has_two_signs(hours):
 
 def test_the_isotropic_covariance_is_the_worse_one(hours, tuning):
     """Section 5: AKF7 with R = r^2 I."""
-    table = campaign.filters(Scenario(duration_s=7200.0), replace(tuning), 1, 1, names=("akf7", "akf7_iso"))
+    table = experiment.filters(Scenario(duration_s=7200.0), replace(tuning), 1, 1, names=("akf7", "akf7_iso"))
     assert table["nis3.akf7_iso"][0] > table["nis3.akf7"][0] + 0.01
     assert assess.axis_mean(table, "attitude_rms.akf7_iso") > assess.axis_mean(table, "attitude_rms.akf7")

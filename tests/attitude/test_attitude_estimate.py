@@ -1,6 +1,4 @@
-"""The filters: equal to each other, to the core's loop on a manifold, honest, and robust to gaps, outliers and wrong
-starts.
-"""
+"""The filters: equal to each other and to themselves in numpy, honest, robust to gaps, outliers and wrong starts."""
 
 from __future__ import annotations
 
@@ -9,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geokalman.attitude import assess, estimate, gyro, trials
-from geokalman.attitude import flight as flights
+from geokalman.attitude import assess, estimate, experiment, gyro
 from geokalman.attitude.estimate import Measured
-from geokalman.attitude.flight import solve
+from geokalman.attitude.experiment import solve
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import AXES, WRAP_DEG, Scenario, Tuning
 from geokalman.kalman import NotPositiveDefinite
-from geokalman.kalman.manifold import Manifold, filter_manifold, smooth_manifold
-from geokalman.physics.quaternion import difference, exp, multiply
+from geokalman.kalman.gaussian import Gaussian
+from geokalman.kalman.model import Manifold, Model, Sensor
+from geokalman.kalman.run import run
+from geokalman.kalman.smoothing import smooth
+from geokalman.physics.quaternion import difference, exp, matrix, multiply
 
 
 def rms(result, trip, name, satellite):
@@ -69,7 +69,7 @@ def test_the_sweep_of_gyro_noise(hours, arw, attitude, rate):
     """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles
     slowly."""
     tuned = Tuning(arw_deg_sqrt_h=arw)
-    trip = flights.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
+    trip = experiment.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
     table = assess.table_of([assess.statistics(solve(trip, s, tuned, ("mekf",)), trip.true_attitude(s)) for s in "CD"])
     assert assess.axis_mean(table, "attitude_rms.mekf") == pytest.approx(attitude, abs=0.35e-6)
     assert assess.axis_mean(table, "rate_minus_imu.mekf") == pytest.approx(rate, rel=0.03)
@@ -88,40 +88,48 @@ def test_files_have_no_error_of_their_own_smoother(short, tuning):
     assert held["attitude_rms.rts.roll"] == assess.statistics(result, short.true_attitude("C"))["attitude_rms.rts.roll"]
 
 
-def test_the_compiled_loop_is_the_cores_filter_on_a_manifold(short, tuning):
+def test_the_compiled_filter_is_the_one_in_plain_python(short, tuning):
+    """Model, sensor and manifold once more, in numpy; the core runs them as Python functions."""
     result = solve(short, "C", tuning, ("mekf", "rts"))
     m = result.measured
     first = int(np.argmax(np.isfinite(m.z[:, 0])))
-    rotations = Manifold(
-        lambda x, d: (multiply(x[0], exp(d[:3])), x[1] + d[3:]),
-        lambda x, y: np.concatenate([difference(x[0], y[0]), y[1] - x[1]]),
-    )
+    z = m.z[first:]
+    seen = np.isfinite(z[:, :1])
+    seen[0] = False
     S, B = m.rate_cov, m.bias_cov
-    Q = np.block([[S + B / 3, -B / 2], [-B / 2, B]])
-
-    def propagate(k, x):
-        v = m.d[first + k] - x[1]
-        cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-        from geokalman.physics.quaternion import matrix
-
-        A = np.block([[matrix(exp(v)).T, -(np.eye(3) - 0.5 * cross)], [np.zeros((3, 3)), np.eye(3)]])
-        return (multiply(x[0], exp(v)), x[1]), A, Q
-
-    def observe(k, x):
-        if k == 0 or np.isnan(m.z[first + k, 0]):
-            return None
-        return difference(x[0], m.z[first + k]), np.eye(3, 6), m.R[first + k]
-
-    n = len(m.z) - first
-    course = filter_manifold(
-        rotations, (m.z[first], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3), n, propagate, observe
+    rotations = Manifold(
+        retract=lambda x, d: np.concatenate([multiply(x[:4], exp(d[:3])), x[4:] + d[3:]]),
+        difference=lambda x, y: np.concatenate([difference(x[:4], y[:4]), y[4:] - x[4:]]),
+        n=6,
     )
-    states, covs = smooth_manifold(rotations, course)
-    for name, points, P in (("mekf", course.state, course.cov), ("rts", states, covs)):
+
+    def turn(x, t0, t1):
+        return m.d[first + round(t0)] - x[4:]
+
+    def transition(x, t0, t1):
+        v = turn(x, t0, t1)
+        cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+        return np.block([[matrix(exp(v)).T, -(np.eye(3) - 0.5 * cross)], [np.zeros((3, 3)), np.eye(3)]])
+
+    course = run(
+        Gaussian(np.append(z[0], np.zeros(3)), np.diag([1e-7] * 3 + [1e-12] * 3)),
+        np.arange(len(z)),
+        Model(
+            f=lambda x, t0, t1: np.append(multiply(x[:4], exp(turn(x, t0, t1))), x[4:]), F=transition,
+            Q=np.block([[S + B / 3, -B / 2], [-B / 2, B]]), manifold=rotations,
+        ),
+        [
+            Sensor(
+                np.where(seen, np.zeros(3), np.nan), np.where(seen[..., None], m.R[first:], np.eye(3)),
+                h=lambda x, t: -difference(x[:4], z[round(t)]), H=lambda x, t: np.eye(3, 6),
+            )
+        ],
+    )  # fmt: skip
+    for name, found in (("mekf", course), ("rts", smooth(course))):
         solution = result.solutions[name]
-        np.testing.assert_allclose(difference(solution.q[first:], np.array([x[0] for x in points])), 0, atol=1e-12)
-        np.testing.assert_allclose(solution.bias[first:], [x[1] for x in points], atol=1e-14)
-        np.testing.assert_allclose(solution.cov[first:], P[:, :3, :3], rtol=1e-7, atol=1e-18)
+        np.testing.assert_allclose(difference(solution.q[first:], found.mean[:, :4]), 0, atol=1e-12)
+        np.testing.assert_allclose(solution.bias[first:], found.mean[:, 4:], atol=1e-14)
+        np.testing.assert_allclose(solution.full[first:], found.cov, rtol=1e-7, atol=1e-18)
 
 
 def test_filtering_at_8_hz_gives_the_same(short, tuning):
@@ -143,16 +151,25 @@ def test_akf7_on_seconds_and_on_eighths(short, tuning):
         estimate.akf7(result.measured, tuning, stride=8)
 
 
-@pytest.mark.parametrize("name", ["_mekf", "_akf7"])
-def test_compiled_equals_plain_python(short, tuning, monkeypatch, name):
-    m = solve(short, "C", tuning, ("mekf",)).measured
-    cut = m._replace(d=m.d[:20], z=m.z[:21], R=m.R[:21])
-    run = estimate.mekf if name == "_mekf" else estimate.akf7
-    compiled = run(cut, tuning)
-    monkeypatch.setattr(estimate, name, getattr(getattr(estimate, name), "py_func", getattr(estimate, name)))
-    plain = run(cut, tuning)
-    np.testing.assert_allclose(plain.q, compiled.q, atol=1e-13)
-    np.testing.assert_allclose(plain.cov, compiled.cov, rtol=1e-8, atol=1e-19)
+def test_steps_together_are_the_steps_one_after_the_other():
+    """F = F_2 F_1 and Q = F_2 Q_1 F_2' + Q_2 of the additive filter's sub-steps, lost ones among them."""
+    rng = np.random.default_rng(4)
+    x = np.append(exp(rng.standard_normal(3)), 1e-6 * rng.standard_normal(3))
+    d, lost = 1e-2 * rng.standard_normal(9), [0, 1, 0]
+    params = np.concatenate([[0.125, 1e-12], 1e-14 * np.eye(3).ravel(), 1e-22 * np.eye(3).ravel()])
+
+    def turned(x, u):
+        out = np.empty(7), np.empty((7, 7)), np.empty((7, 7))
+        estimate._turn_additive(0.0, 1.0, x, np.asarray(u, dtype=float), params, *out)
+        return out
+
+    together = turned(x, [*d, *lost])
+    F, Q = np.eye(7), np.zeros((7, 7))
+    for k in range(3):
+        x, F_k, Q_k = turned(x, [*d[3 * k : 3 * k + 3], lost[k]])
+        F, Q = F_k @ F, F_k @ Q @ F_k.T + Q_k
+    for found, expected, size in zip(together, (x, F, Q), (1.0, 1.0, 1e-13), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14 * size)
 
 
 def test_lost_increments_widen_the_covariance(short, tuning):
@@ -179,24 +196,24 @@ def test_nothing_to_start_from_is_said(short, tuning):
 @pytest.mark.parametrize(("gap_s", "sigma"), [(60.0, 2.4e-6), (600.0, 5.1e-6)])
 def test_gaps(hours, solved, tuning, gap_s, sigma):
     """E11: the predicted sigma at the end of a gap, and the smoother's largest error in it."""
-    one = trials.gap(hours, "C", solved["C"], tuning, gap_s, 3600.0)
+    one = experiment.gap(hours, "C", solved["C"], tuning, gap_s, 3600.0)
     assert one.sigma["mekf"][one.last].mean() == pytest.approx(sigma, rel=0.1)
     assert np.abs(one.error["mekf"][one.last]).max() < 5 * sigma
     if gap_s == 600.0:
         assert 3e-6 < np.abs(one.error["rts"][one.first : one.last]).max() < 7e-6
     with pytest.raises(ValueError, match="does not lie inside"):
-        trials.gap(hours, "C", solved["C"], tuning, 9000.0, 60.0)
+        experiment.gap(hours, "C", solved["C"], tuning, 9000.0, 60.0)
 
 
 def test_the_gate_finds_outliers(hours, solved, tuning):
-    out = trials.outliers(hours, "C", solved["C"], tuning, 20, 5e-3, 27.9, np.random.default_rng(1))
+    out = experiment.outliers(hours, "C", solved["C"], tuning, 20, 5e-3, 27.9, np.random.default_rng(1))
     assert out.found == 20 and out.false_alarms <= 1
     assert 1.6e-6 < out.gated.mean() < 2.1e-6 and out.ungated.mean() > 8e-6
 
 
 @pytest.mark.parametrize("degrees", [60.0, 170.0])
 def test_wrong_starts_are_forgotten_in_ten_seconds(hours, solved, tuning, degrees):
-    error = trials.wrong_start(hours, "C", solved["C"], tuning, np.radians(degrees), np.random.default_rng(3))
+    error = experiment.wrong_start(hours, "C", solved["C"], tuning, np.radians(degrees), np.random.default_rng(3))
     assert error[10:].max() < 2e-5
 
 
@@ -208,8 +225,8 @@ def test_sampling_rates_instead_of_summing_is_worse(hours, solved, tuning):
     def over_summed(d):
         return assess.rms(assess.error(estimate.mekf(m._replace(d=d), tuning).q, truth)[600:-600]).mean() / summed
 
-    five = trials.five_point(inc)
-    for d in (trials.decimated(inc), trials.decimated(five)):
+    five = gyro.five_point(inc)
+    for d in (gyro.decimated(inc), gyro.decimated(five)):
         assert 1.7 < over_summed(d) < 2.3  # section 9: 1.7 to 2.2, five-point rates 2.3 (ours stay below the others)
     assert over_summed(gyro.preintegrate(five, 1).d) == pytest.approx(
         1.0, abs=0.02
@@ -221,7 +238,7 @@ def test_five_point_increments_leave_lost_steps_lost():
     angle = np.stack([t**2, np.sin(t), 0.1 * t], axis=1)
     d = np.diff(angle, axis=0)
     d[20] = np.nan
-    out = trials.five_point(gyro.Increments(t, d, np.zeros((40, 4)))).d
+    out = gyro.five_point(gyro.Increments(t, d, np.zeros((40, 4)))).d
     assert np.isnan(out[18:23]).all() and np.isfinite(out[:18]).all() and np.isfinite(out[23:]).all()
     rate = np.stack([2 * t, np.cos(t), np.full(41, 0.1)], axis=1)
     np.testing.assert_allclose(out[2:18], rate[2:18] / 8, atol=1e-6)
@@ -317,7 +334,7 @@ def test_bias_errors_and_the_consistency_of_six_states(hours, solved, tuning):
 
 
 def test_uncertain_epochs_are_flagged(hours, solved, tuning):
-    m = trials.with_gap(solved["C"].measured, 3000, 1500)
+    m = experiment.with_gap(solved["C"].measured, 3000, 1500)
     flagged = estimate.mekf(m, tuning).flagged(6e-6)
     assert flagged[4499] and not flagged[2999] and not flagged[5500:].any()
 

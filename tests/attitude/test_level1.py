@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from geokalman.attitude import cameras, timetags, write
-from geokalman.attitude import flight as flights
+from geokalman.attitude import experiment as flights
 from geokalman.attitude import read as day
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.legacy import read_grace
@@ -568,10 +568,10 @@ def test_files_are_filtered_at_2_hz(tmp_path, short, tuning, offset):
     """The cameras' tags may stand off the half seconds; then splines give the attitude there."""
     raw = short.raw["C"]
     moved = replace(raw, t_camera=raw.t_camera + offset, q_camera=raw.q_camera)
-    whole = cameras.at_seconds(flights.combination(raw, tuning), 2)
-    combined = cameras.at_seconds(flights.combination(moved, tuning), 2)
+    whole = cameras.at_seconds(cameras.combination(raw, tuning), 2)
+    combined = cameras.at_seconds(cameras.combination(moved, tuning), 2)
     assert (np.diff(combined.t) == 0.5).all() and np.abs(combined.t * 2 - np.round(combined.t * 2)).max() == 0
-    np.testing.assert_array_equal(whole.q, flights.combination(raw, tuning).q)
+    np.testing.assert_array_equal(whole.q, cameras.combination(raw, tuning).q)
     inside = np.isfinite(combined.q[:, 0])
     assert inside.mean() > 0.9 and (np.isfinite(combined.cov[inside]).all())
     for s in ("C", "D"):

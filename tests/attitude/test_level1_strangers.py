@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geokalman.attitude import flight as flights
+from geokalman.attitude import experiment as flights
 from geokalman.attitude import read as day
 from geokalman.attitude import write
 from geokalman.attitude.header import END, Level1Error, flag_meanings

@@ -13,7 +13,7 @@ from pathlib import Path
 import numba
 import pytest
 
-from geokalman.attitude import flight, write
+from geokalman.attitude import experiment, write
 from geokalman.attitude.model import SATELLITES, Scenario
 from geokalman.files import project_root
 from geokalman.reproduce import claims, execute, parameters, reference
@@ -104,7 +104,7 @@ def test_recorded_names(run, name, keys):
 def day(tmp_path_factory):
     """Level-1 files of an hour and a half, written by the simulation; one record of a gyro axis is lost."""
     folder = tmp_path_factory.mktemp("day")
-    trip = flight.flight(Scenario(duration_s=5400.0), 5)
+    trip = experiment.flight(Scenario(duration_s=5400.0), 5)
     for s in SATELLITES:
         write.write_raw(folder, trip.raw[s])
         write.write_orbit(folder, s, trip.t, trip.r[s], trip.v[s])

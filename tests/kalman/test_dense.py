@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_triangular
 
-from geokalman.kalman.dense import cholesky_upper, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
 
 
 @pytest.fixture
@@ -25,6 +25,14 @@ def test_cholesky_is_numpys(spd):
     assert np.array_equal(in_place, U)
     assert root_semidefinite(spd, U) == 0
     np.testing.assert_allclose(U, in_place, rtol=1e-13)
+
+
+def test_a_state_of_more_components_than_its_error_is_copied_within_bounds(spd):
+    """A quaternion and a bias have seven components, their error six."""
+    x, covs = np.empty(7), np.full((2, 6, 6), np.nan)
+    copy_state(np.arange(7.0), spd[:6, :6].copy(), x, covs[0])
+    assert np.array_equal(x, np.arange(7.0)) and np.array_equal(covs[0], spd[:6, :6])
+    assert np.isnan(covs[1]).all()
 
 
 def test_solves_are_scipys(spd):

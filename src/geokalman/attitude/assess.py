@@ -1,6 +1,4 @@
-"""Where truth and estimate meet: errors, their statistics, consistency, and what they do to the K-band range. Plain
-numbers.
-"""
+"""Where truth and estimate meet: errors, their statistics, consistency, the K-band range."""
 
 from __future__ import annotations
 
@@ -9,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from geokalman.attitude import pointing
-from geokalman.attitude.estimate import Solution
-from geokalman.attitude.flight import Solved
+from geokalman.attitude.estimate import Solution, Solved
 from geokalman.attitude.model import AXES, Array
 from geokalman.kalman.consistency import chi_square_bounds, nees
 from geokalman.physics.quaternion import difference
@@ -22,9 +19,7 @@ SMOOTHERS = ("rts",)
 
 
 def inner(n: int, dt: float = 1.0, edge_s: float = EDGE_S) -> slice:
-    """The epochs that statistics use: without 600 s at either end, or a sixth of a flight that is too short for
-    that.
-    """
+    """Epochs that statistics use: without 600 s, or a sixth of a short flight, at either end."""
     edge = int(min(edge_s / dt, n // 6))
     return slice(edge, n - edge)
 
@@ -55,9 +50,7 @@ def rate_difference(solution: Solution, result: Solved) -> Array:
 
 
 def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> Array:
-    """NEES (n,) of the attitude, 3 degrees of freedom, or with the true bias (n, 3) of both, 6; NaN before the filter
-    starts.
-    """
+    """NEES (n,) of the attitude, or with the true bias (n, 3) of both; NaN before the start."""
     e, cov = error(solution.q, reference), solution.cov
     if bias is not None:
         e, cov = np.concatenate([e, bias - solution.bias], axis=1), solution.full

@@ -1,35 +1,26 @@
-"""Star cameras: each to the satellite's axes, the weighted combination with its covariance, and relative mounting
-calibration.
-"""
+"""Star cameras: attitudes of the satellite, their weighted combination, relative mounting."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import Array, camera_information
+from geokalman.attitude.model import Array, Raw, Tuning, camera_information
 from geokalman.physics.quaternion import (
-    conjugate,
-    continuous,
-    difference,
-    difference_point,
-    exp,
-    multiply,
-    retract_point,
-    spline,
-)
+    continuous, difference, difference_point, exp, multiply, retract_point, spline,
+)  # fmt: skip
 
 LONGEST_GAP = 5.0  # s: a quaternion is not interpolated over more
 SNAP = 1e-5  # s: a tag so near the second counts as there; the attitude turns by 1e-8 rad in it
 
 
 class Combined(NamedTuple):
-    """Combined attitudes q (n, 4) SRF to ICRF with covariances cov (n, 3, 3) [rad^2] in SRF axes; NaN where no camera
-    sees.
+    """Attitudes q (n, 4), SRF to ICRF, and covariances cov (n, 3, 3) [rad^2] in SRF axes.
 
-    used : (n,) bit mask of the cameras in each (1, 2, 4), as in SCA1B.
+    used : (n,) bit mask of the cameras in each (1, 2, 4), as in SCA1B. NaN where no camera sees.
     """
 
     t: Array
@@ -39,9 +30,7 @@ class Combined(NamedTuple):
 
 
 def to_satellite(q_camera: Array, q_qsa: Array) -> Array:
-    """Attitudes of the satellite (3, n, 4), SRF to ICRF, from those of the cameras: q_SRF = q_SCA q_QSA, signs
-    continuous.
-    """
+    """Attitudes (3, n, 4), SRF to ICRF, from each camera: q_SRF = q_SCA q_QSA, continuous signs."""
     return np.stack([continuous(multiply(q, mount)) for q, mount in zip(q_camera, q_qsa, strict=True)])
 
 
@@ -117,8 +106,7 @@ def calibrate_mounting(
 
 
 def at_seconds(combined: Combined, hz: int = 1) -> Combined:
-    """The combination at the integer seconds that it spans, or at `hz` epochs each: samples where they stand there,
-    else a spline.
+    """The combination at `hz` epochs per second: samples where they stand there, else a spline.
 
     Where the samples stand off these epochs, none inside a gap longer than 5 s is filled: it stays NaN. The covariance
     and the mask are those of the nearest sample. A spline averages two samples, which the covariance then overstates at
@@ -146,6 +134,14 @@ def at_seconds(combined: Combined, hz: int = 1) -> Combined:
     return Combined(seconds, continuous(out), cov, used)
 
 
-def camera_axes(q: Array, q_qsa: Array) -> Array:
-    """Attitudes of a camera (n, 4), SCF to ICRF, from those of the satellite: q_SCA = q_SRF q_QSA*."""
-    return multiply(q, conjugate(q_qsa))
+def in_satellite_axes(raw: Raw) -> Array:
+    """Attitudes (3, n, 4) from each camera, SRF to ICRF."""
+    return to_satellite(raw.q_camera, raw.q_qsa)
+
+
+def combination(raw: Raw, tuning: Tuning, use: Sequence[int] = (1, 2, 3), calibrate: bool = False) -> Combined:
+    """The cameras combined at their own epochs, after calibration of their relative mounting where asked for."""
+    q = in_satellite_axes(raw)
+    if calibrate:
+        q, _ = calibrate_mounting(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso)
+    return combine(raw.t_camera, q, raw.q_qsa, tuning.sigma, tuning.k_aniso, tuple(use))

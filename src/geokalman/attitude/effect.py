@@ -1,19 +1,14 @@
-"""What attitude errors do downstream: accelerations in the ICRF, the antenna correction's rate, and range-rates of a
-month.
-"""
+"""What attitude errors do downstream: accelerations in the ICRF, the antenna correction's rate, range-rates."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import detrend
 
-from geokalman import progress
 from geokalman.attitude import pointing
-from geokalman.attitude.estimate import FILTERS
-from geokalman.attitude.flight import Flight, flight, solve
-from geokalman.attitude.model import SATELLITES, SUN, Array, Scenario, Tuning
+from geokalman.attitude.model import SATELLITES, SUN, Array
+from geokalman.attitude.truth import Flight
 from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import conjugate, exp, multiply, rotate
 
@@ -55,11 +50,9 @@ def turned(q: Array, pitch_offset_rad: float) -> Array:
 
 
 def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: Attitudes, step: int = 30) -> Array:
-    """Range-rate (m,) [m/s] by which a recovery with attitudes `one` differs from one with `other`, every `step`
-    seconds.
+    """Change of the range-rate (m,) [m/s] from attitudes `other` to `one`, every `step` seconds.
 
-    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), section
-    3.12.
+    Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), 3.12.
     """
     r_C, r_D = trip.r["C"], trip.r["D"]
     e = (r_D - r_C) / np.linalg.norm(r_D - r_C, axis=1, keepdims=True)
@@ -76,11 +69,10 @@ def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: 
 
 
 def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
-    """Largest departure [m] of a satellite on a polar circular orbit under a constant acceleration along the inertial Z
-    axis.
+    """Largest departure [m] from a polar circular orbit by a constant inertial acceleration in Z.
 
-    The linearised motion about the circular orbit (Hill's equations) with the force turning once a revolution in the
-    orbital frame, integrated by the classical Runge-Kutta method at 10 s.
+    The linearised motion about the orbit (Hill's equations) with the force turning once a revolution in the orbital
+    frame, integrated by the classical Runge-Kutta method at 10 s.
     """
     n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
 
@@ -98,42 +90,6 @@ def constant_force_departure(acceleration: float, duration: float, altitude: flo
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         largest = max(largest, float(np.hypot(x[0], x[1])))
     return largest
-
-
-def days(
-    scenario: Scenario,
-    tuning: Tuning,
-    n_days: int,
-    seed0: int,
-    pitch_offset_rad: float,
-    data_dir: str = "",
-    step: int = 30,
-) -> dict[str, Array]:
-    """Range-rate differences of simulated days one after the other, every `step` seconds [m/s], a line taken off each
-    day.
-
-    A constant and a drift of the range-rate over a day are what the accelerometer's bias makes; every recovery
-    estimates it.
-
-    `none` : MEKF against the JPL-like stand-in; `offset` : the same with a pitch offset in both satellites of the
-    stand-in; `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
-    """
-    parts: dict[str, list[Array]] = {}
-    for day in progress.track(range(1 if data_dir else n_days), "days"):
-        trip = flight(scenario, seed0 + day, data_dir)
-        results = {s: solve(trip, s, tuning, [f for f in FILTERS if f != "akf7"]).solutions for s in SATELLITES}
-        q = {name: {s: results[s][name].q for s in SATELLITES} for name in ("mekf", "rts", "jpl_like")}
-        true = {s: trip.true_attitude(s) if trip.truth else q["rts"][s] for s in SATELLITES}
-        offset = {s: turned(q["jpl_like"][s], pitch_offset_rad) for s in SATELLITES}
-        pairs = {"none": (q["mekf"], q["jpl_like"]), "offset": (q["mekf"], offset)} | {
-            name: (q[name], true) for name in q
-        }
-        first = int(np.argmax(np.all([np.isfinite(x[s][:, 0]) for x in q.values() for s in SATELLITES], axis=0)))
-        for name, (one, other) in pairs.items():
-            series = range_rate_difference(trip, one, other, true, step)
-            series[: first // step + 1] = series[first // step + 1]  # the filters start with the first camera
-            parts.setdefault(name, []).append(detrend(series))
-    return {name: np.concatenate(series) for name, series in parts.items()}
 
 
 def span(series: Array, n: int, rng: np.random.Generator) -> Array:

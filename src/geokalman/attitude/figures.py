@@ -1,6 +1,4 @@
-"""Figures 1 to 6 of the paper and what explains them. Plain arrays in, a matplotlib Figure in the theme in force
-out.
-"""
+"""Figures 1 to 6 of the paper and what explains them: plain arrays in, a matplotlib Figure out."""
 
 from __future__ import annotations
 
@@ -47,12 +45,9 @@ def series_and_spectra(
         k = _thin(int(shown.sum()))
         for row in range(len(rows)):
             axes[row, 0].plot(
-                t[shown][::k] / 3600,
-                scale * values[shown, row][::k],
-                color=method.colour,
-                linewidth=0.6,
+                t[shown][::k] / 3600, scale * values[shown, row][::k], color=method.colour, linewidth=0.6,
                 rasterized=True,
-            )
+            )  # fmt: skip
             axes[row, 1].loglog(f, scale * density[:, row], color=method.colour, linewidth=0.9, label=label)
     for row, word in enumerate(rows):
         axes[row, 0].set_ylabel(f"{word} [{unit}]")
@@ -81,12 +76,9 @@ def _bridged(values: Array) -> Array:
 
 
 def bars(
-    groups: Mapping[str, Sequence[float]],
-    errors: Mapping[str, Sequence[float]],
-    ylabel: str,
-    printed: Mapping[str, Sequence[float]] | None = None,
-    names: Sequence[str] = AXES,
-) -> Figure:
+    groups: Mapping[str, Sequence[float]], errors: Mapping[str, Sequence[float]], ylabel: str,
+    printed: Mapping[str, Sequence[float]] | None = None, names: Sequence[str] = AXES,
+) -> Figure:  # fmt: skip
     """Bars per axis for several methods with their spread over runs; the paper's numbers as dashes beside them.
 
     groups, errors, printed : method -> (len(names),) in the unit of the label.
@@ -97,25 +89,14 @@ def bars(
         method = _look(name)
         x = np.arange(len(names)) + (k - 0.5 * (len(groups) - 1)) * width
         axes.bar(
-            x,
-            values,
-            width * 0.9,
-            yerr=errors.get(name),
-            color=method.colour,
-            label=method.label,
-            ecolor=ink(),
+            x, values, width * 0.9, yerr=errors.get(name), color=method.colour, label=method.label, ecolor=ink(),
             capsize=2,
-        )
+        )  # fmt: skip
         if printed and name in printed:
             axes.hlines(
-                printed[name],
-                x - 0.45 * width,
-                x + 0.45 * width,
-                color=ink(),
-                linestyle="--",
-                linewidth=1.4,
+                printed[name], x - 0.45 * width, x + 0.45 * width, color=ink(), linestyle="--", linewidth=1.4,
                 label="printed" if "printed" not in axes.get_legend_handles_labels()[1] else None,
-            )
+            )  # fmt: skip
     handles, labels = axes.get_legend_handles_labels()
     order = sorted(range(len(labels)), key=lambda k: labels[k] == "printed")
     axes.set_axisbelow(True)
@@ -138,15 +119,9 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
         for name, closeness, accuracy, spread in group:
             method = _look(name)
             axis.errorbar(
-                1e7 * closeness,
-                1e6 * accuracy,
-                1e6 * spread,
-                fmt=method.marker,
-                color=method.colour,
-                markersize=8,
-                capsize=3,
-                label=method.label,
-            )
+                1e7 * closeness, 1e6 * accuracy, 1e6 * spread, fmt=method.marker, color=method.colour, markersize=8,
+                capsize=3, label=method.label,
+            )  # fmt: skip
         axis.set(xlabel="rate minus gyro rate, std [10⁻⁷ rad/s]", title=preset, xlim=(0, None))
         axis.margins(x=0.08)
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
@@ -158,9 +133,7 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
 def consistency(
     t: Array, nis: Mapping[str, Array], nees: Mapping[str, Array], window: int, bounds: tuple[float, float]
 ) -> Figure:
-    """Running means of NIS/3 and NEES/3 over `window` epochs; bounds : where 95 % of means of independent values
-    lie.
-    """
+    """Running means of NIS/3 and NEES/3 over `window` epochs; bounds : 95 % of independent means."""
     figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.4))
     for axis, group, label in ((axes[0], nis, "NIS / 3"), (axes[1], nees, "NEES / 3")):
         for name, values in group.items():
@@ -170,12 +143,9 @@ def consistency(
             mean = np.convolve(np.where(good, values, 0.0), np.ones(window), "valid") / np.maximum(weight, 1) / 3
             k = _thin(len(mean))
             axis.plot(
-                t[window // 2 : window // 2 + len(mean)][::k] / 3600,
-                mean[::k],
-                color=method.colour,
-                linestyle=method.line,
-                label=method.label,
-            )
+                t[window // 2 : window // 2 + len(mean)][::k] / 3600, mean[::k], color=method.colour,
+                linestyle=method.line, label=method.label,
+            )  # fmt: skip
         axis.axhspan(*bounds, color=METHODS["neutral"].colour, alpha=0.25, linewidth=0, label="95 % if independent")
         axis.set_ylabel(label)
     axes[1].set_xlabel("time [h]")
@@ -205,11 +175,9 @@ def weights(ks: Sequence[float], errors: Array, true_k: float) -> Figure:
 def gyro_chain(
     t: Array, wrapped: Array, unwrapped: Array, t_parity: Array, parity: Array, limit: float, around_s: float = 600.0
 ) -> Figure:
-    """Filtered angle of an axis as it comes and unwrapped [deg] around its first wrap, and its parity residual (m,)
-    [rad].
+    """Filtered angle [deg] as it comes and unwrapped, and its parity residual (m,) [rad].
 
-    limit : size [rad] that the residual of a sound axis does not exceed for a second; around_s : span shown on either
-    side.
+    limit : size that the residual of a sound axis does not exceed for 1 s; around_s : span shown around the first wrap.
     """
     figure, (upper, lower) = plt.subplots(2, 1, figsize=(7.2, 4.8))
     jumps = np.flatnonzero(np.abs(np.diff(wrapped)) > 5000.0)
@@ -225,12 +193,9 @@ def gyro_chain(
     lower.plot(t_parity[::k] / 3600, 1e9 * parity[::k], color=METHODS["neutral"].colour, linewidth=0.4, rasterized=True)
     for sign in (-1, 1):
         lower.axhline(
-            sign * 1e9 * limit,
-            color=ink(),
-            linestyle="--",
-            linewidth=0.9,
+            sign * 1e9 * limit, color=ink(), linestyle="--", linewidth=0.9,
             label="fault, if beyond for 1 s" if sign > 0 else None,
-        )
+        )  # fmt: skip
     lower.set(xlabel="time [h]", ylabel="parity residual [nrad]")
     pairs = [pair for axis in (upper, lower) for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     legend = figure.legend(*map(list, zip(*pairs, strict=True)), loc="outside upper center", ncols=3)
@@ -247,13 +212,9 @@ def gap(t: Array, error: Mapping[str, Array], sigma: Mapping[str, Array], start:
             method = _look(name)
             axis.plot(t - start, 1e6 * error[name][:, i], color=method.colour, linewidth=0.9, label=method.label)
             axis.fill_between(
-                t - start,
-                -2e6 * sigma[name][:, i],
-                2e6 * sigma[name][:, i],
-                color=method.colour,
-                alpha=0.18,
+                t - start, -2e6 * sigma[name][:, i], 2e6 * sigma[name][:, i], color=method.colour, alpha=0.18,
                 linewidth=0,
-            )
+            )  # fmt: skip
         axis.axvspan(0, length, color=METHODS["neutral"].colour, alpha=0.12, linewidth=0)
         axis.set_ylabel(f"{AXES[i]} error [µrad]")
     axes[-1].set_xlabel("time after the last camera [s]")
@@ -273,36 +234,23 @@ def settling(t: Array, angle: Mapping[str, Array]) -> Figure:
 
 
 def mean_changes(groups: Mapping[str, Sequence[float]], expected: Mapping[str, float], printed: float) -> Figure:
-    """Change of the mean attitude [rad] per axis of each satellite, the change expected in pitch, and the size printed
-    [rad].
-    """
+    """Change of the mean attitude [rad] per axis, that expected in pitch, and the size printed."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for k, (satellite, values) in enumerate(groups.items()):
         method = METHODS[("sca1", "sca2")[k]]
         axes.bar(
-            np.arange(3) + (k - 0.5) * 0.35,
-            1e3 * np.asarray(values),
-            0.32,
-            color=method.colour,
+            np.arange(3) + (k - 0.5) * 0.35, 1e3 * np.asarray(values), 0.32, color=method.colour,
             label=f"GRACE-{satellite}",
-        )
+        )  # fmt: skip
         axes.hlines(
-            1e3 * expected[satellite],
-            1 + (k - 0.5) * 0.35 - 0.16,
-            1 + (k - 0.5) * 0.35 + 0.16,
-            color=ink(),
-            linestyle="--",
-            label="shift × orbit rate" if k == 0 else None,
-        )
+            1e3 * expected[satellite], 1 + (k - 0.5) * 0.35 - 0.16, 1 + (k - 0.5) * 0.35 + 0.16, color=ink(),
+            linestyle="--", label="shift × orbit rate" if k == 0 else None,
+        )  # fmt: skip
     for sign in (-1, 1):
         axes.hlines(
-            sign * 1e3 * printed,
-            0.6,
-            1.4,
-            color=METHODS["neutral"].colour,
-            linestyle=":",
+            sign * 1e3 * printed, 0.6, 1.4, color=METHODS["neutral"].colour, linestyle=":",
             label="printed, no sign given" if sign > 0 else None,
-        )
+        )  # fmt: skip
     axes.axhline(0, color=ink(), linewidth=0.6)
     axes.set_axisbelow(True)
     axes.set_xticks(range(3), AXES)

@@ -29,10 +29,10 @@ def degree_variances(degree: Array, curves: Mapping[str, tuple[str, Array]]) -> 
 
 
 def water_maps(grids: Mapping[str, tuple[Array, str, float]]) -> Figure:
-    """Maps of equivalent water height; grids : title -> (grid (n_lat, n_lon) [m], unit, metres per unit), each on its
-    own scale.
+    """Maps of equivalent water height, each on its own scale.
 
-    South to north, longitude from 0 to 360; the colour scale ends at the 99.5 % quantile and says so by its arrows.
+    grids : title -> (grid (n_lat, n_lon) [m], unit, metres per unit), south to north, longitude from 0 to 360; the
+    colour scale ends at the 99.5 % quantile and says so by its arrows.
     """
     import cartopy
     import cartopy.crs as ccrs

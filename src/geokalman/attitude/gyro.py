@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import CubicSpline
 
+from geokalman.attitude.cameras import Combined, at_seconds
 from geokalman.attitude.header import Level1Error
-from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, gyro_matrix
-from geokalman.physics.quaternion import exp_point, log_point, multiply_point
+from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, arw_density, gyro_matrix
+from geokalman.physics.quaternion import difference, exp, log, multiply
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
 LARGEST_STEP = 0.1  # deg per 1/8 s: more is a fault, not motion
@@ -60,10 +60,9 @@ def clean(t: Array, angle_deg: Array) -> tuple[Array, Array, int]:
 
 
 def common(t: Array, angle: Array, epochs: Array) -> Array:
-    """Unwrapped angle (n,) at common epochs by cubic splines; NaN beyond the data, across gaps of more than 1 s and
-    jumps.
+    """Unwrapped angle (n,) [deg] at common epochs by cubic splines, continuous within each arc.
 
-    t, angle : (m,) [s, deg]; the result is in degrees and is continuous within each arc only.
+    t, angle : (m,) [s, deg]. NaN beyond the data, across gaps of more than 1 s and across jumps.
     """
     out = np.full(len(epochs), np.nan)
     jump = np.abs(np.diff(angle)) > LARGEST_STEP * np.maximum(1.0, GYRO_HZ * np.diff(t))
@@ -130,27 +129,15 @@ def isolate(steps: Array, reference: Array, satellite: str, block: int = 60) -> 
 
 
 def preintegrate(increments: Increments, hz: int) -> Increments:
-    """Increments composed over the steps of a filter at `hz` (1, 2 or 8): Log of the product of Exp(d), parity
-    summed.
-    """
+    """Increments over the steps of a filter at `hz` (1, 2, 8): Log of products, parity summed."""
     s = GYRO_HZ // hz
     n = len(increments.d) // s
-    out = np.empty((n, 3))
-    _compose(np.ascontiguousarray(increments.d[: n * s]), s, out)
+    turns = exp(increments.d[: n * s].reshape(n, s, 3))
+    q = turns[:, 0]
+    for j in range(1, s):
+        q = multiply(q, turns[:, j])
     parity = increments.parity[: n * s].reshape(n, s, -1).sum(axis=1)
-    return Increments(increments.t[: n * s + 1 : s], out, parity)
-
-
-@njit(cache=True)
-def _compose(d, s, out):
-    q, e, work = np.empty(4), np.empty(4), np.empty(4)
-    for k in range(len(out)):
-        exp_point(d[k * s], q)
-        for j in range(1, s):
-            exp_point(d[k * s + j], e)
-            multiply_point(q, e, work)
-            q[:] = work
-        log_point(q, out[k])
+    return Increments(increments.t[: n * s + 1 : s], log(q), parity)
 
 
 def mean_rates(increments: Increments) -> tuple[Array, Array]:
@@ -172,9 +159,7 @@ def five_point_rates(angle: Array, dt: float) -> Array:
 
 
 def between(increments: Increments, first: float, last: float) -> Increments:
-    """The increments from epoch `first` to epoch `last` [s], both on the grid. Raises ValueError where they do not
-    reach.
-    """
+    """The increments from epoch `first` to `last` [s]. Raises ValueError where they do not reach."""
     t = increments.t
     k, m = (round((x - t[0]) * GYRO_HZ) for x in (first, last))
     if k < 0 or m > len(t) - 1:
@@ -183,17 +168,13 @@ def between(increments: Increments, first: float, last: float) -> Increments:
 
 
 def present(raw: Raw) -> tuple[int, ...]:
-    """The axes (1 to 4) that gave samples: at least half as many as the fullest one. Raises Level1Error for fewer than
-    three.
-    """
+    """Axes (1 to 4) with half the samples of the fullest. Raises Level1Error for fewer than three."""
     counts = (np.isfinite(raw.t_gyro) & np.isfinite(raw.gyro)).sum(axis=1)
     there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
     if len(there) < 3:
         raise Level1Error(
-            (
-                f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on "
-                "axes 1 to 4); three are needed."
-            )
+            f"GRACE-{raw.satellite}: gyro axes {list(there)} alone have samples ({', '.join(map(str, counts))} on "
+            "axes 1 to 4); three are needed."
         )
     return there
 
@@ -219,8 +200,7 @@ def sound(raw: Raw, tuning: Tuning) -> Tuning:
 
 
 def reduced(raw: Raw, tuning: Tuning) -> Increments:
-    """8 Hz increments of a satellite's raw data from the first to the last camera second, half a second more at both
-    ends.
+    """8 Hz increments from the first to the last camera second, half a second more at both ends.
 
     Missing axes are left out as `sound` says. Raises Level1Error where fewer than three remain.
     """
@@ -231,3 +211,49 @@ def reduced(raw: Raw, tuning: Tuning) -> Increments:
     first, last = first - 1.0 if start <= first - 1.0 else first, last + 1.0 if end >= last + 1.0 else last
     epochs = np.arange(round((last - first) * GYRO_HZ) + 1) / GYRO_HZ + first
     return reduce(raw.t_gyro, raw.gyro, raw.satellite, epochs, tuning.axes)
+
+
+def sound_increments(raw: Raw, tuning: Tuning, combined: Combined) -> tuple[Increments, Tuning]:
+    """8 Hz increments, and the tuning with the axes that they were made of.
+
+    An axis without samples is left out; so is, where the parity of four axes stays beyond 6 sigma for a second, the
+    axis that disagrees most with the cameras. Both with a GyroWarning. Raises Level1Error where fewer than three axes
+    remain.
+    """
+    tuning = sound(raw, tuning)
+    increments = reduced(raw, tuning)
+    if len(tuning.axes) < 4:
+        return increments, tuning
+    sigma = 0.5 * arw_density(tuning.arw_deg_sqrt_h) / GYRO_HZ**0.5  # of one of the four residuals
+    start = parity_fault(increments.parity, sigma, raw.satellite)
+    if start is None:
+        return increments, tuning
+    whole = at_seconds(combined)
+    seen = preintegrate(between(increments, whole.t[0], whole.t[-1]), 1)
+    steps = seen.d @ gyro_matrix(raw.satellite).T + seen.parity
+    axis = isolate(steps, difference(whole.q[:-1], whole.q[1:]), raw.satellite)
+    warnings.warn(
+        f"GRACE-{raw.satellite}: gyro axis {axis} disagrees with the others from {increments.t[start]:.1f} s on and "
+        "was left out.", GyroWarning, stacklevel=2,
+    )  # fmt: skip
+    fewer = replace(tuning, axes=tuple(a for a in tuning.axes if a != axis))
+    return reduced(raw, fewer), fewer
+
+
+def decimated(increments: Increments) -> Array:
+    """Increments (n, 3) [rad] over 1 s from every eighth 8 Hz rate: what a filter that takes rates at 1 Hz gets."""
+    return increments.d[: len(increments.d) // GYRO_HZ * GYRO_HZ : GYRO_HZ] * GYRO_HZ
+
+
+def five_point(increments: Increments) -> Increments:
+    """The 8 Hz increments that equation (1) gives: the five-point rate at the start of each step, times the step.
+
+    The rates of the first and last two epochs are those of their neighbours; a step whose stencil meets a lost one is
+    lost.
+    """
+    lost = np.isnan(increments.d[:, 0])
+    angle = np.concatenate([np.zeros((1, 3)), np.cumsum(np.nan_to_num(increments.d), axis=0)])
+    rates = np.pad(five_point_rates(angle, 1.0 / GYRO_HZ), ((2, 2), (0, 0)), mode="edge")
+    d = rates[:-1] / GYRO_HZ
+    d[np.convolve(lost, np.ones(5), "same") > 0] = np.nan
+    return increments._replace(d=d)

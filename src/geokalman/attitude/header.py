@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +52,13 @@ class Level1Error(InputError):
     """A Level-1 file that cannot be used; the sentence names the file, the line where there is one, and the reason."""
 
 
-def split_name(path: Path) -> dict[str, str]:
-    """Product, date, satellite and version in a file's name. Raises Level1Error where it is none of a Level-1 file."""
+def parts_of(
+    path: Path, known: Iterable[str], product: str | None = None, satellite: str | None = None, date: str | None = None
+) -> dict[str, str]:
+    """Product, date, satellite and version in a file's name, of the known products.
+
+    Raises Level1Error where the name is none of a Level-1 file, or another product, satellite or date is expected.
+    """
     found = NAME.match(path.name)
     if not found:
         raise Level1Error(
@@ -64,6 +69,11 @@ def split_name(path: Path) -> dict[str, str]:
         datetime.date.fromisoformat(parts["date"])
     except ValueError:
         raise Level1Error(f"{path}: the date {parts['date']} in the name is no date.") from None
+    for what, wanted in (("product", product), ("satellite", satellite), ("date", date)):
+        if wanted is not None and parts[what] != wanted:
+            raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
+    if parts["product"] not in known:
+        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(known)}.")
     return parts
 
 
@@ -124,9 +134,7 @@ def _broken(error: Exception, texts: list[str]) -> int | None:
 
 
 def agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
-    """Refuse a header that belongs to another product, satellite or day than the name says, or counts from another
-    epoch.
-    """
+    """Refuse a header of another product, satellite, day or epoch than the name says."""
     attributes = _mapping(header, "global_attributes")
     for key in ("title", "id", "product_name"):
         named = re.findall(
@@ -140,9 +148,8 @@ def agree(path: Path, parts: dict[str, str], header: dict[str, Any]) -> None:
             f"{path}: the header's platform is GRACE-{platform[0]}, the file name says {parts['satellite']}."
         )
     start, stop = (str(attributes.get(f"time_coverage_{word}", ""))[:10] for word in ("start", "stop"))
-    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= (
-        stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start
-    ):
+    last = stop if re.match(r"\d{4}-\d{2}-\d{2}$", stop) else start
+    if re.match(r"\d{4}-\d{2}-\d{2}$", start) and not start <= parts["date"] <= last:
         raise Level1Error(f"{path}: the header covers {start} to {stop or start}, the file name says {parts['date']}.")
     same_epoch(path, str(_mapping(header, "non-standard_attributes").get("epoch_time", "")))
 
@@ -258,11 +265,9 @@ def flag_meanings(header: dict[str, Any], variable: str) -> dict[int, str]:
     return found
 
 
-def promised(path: Path, header: dict[str, Any]) -> int | None:
-    """How many records the header says there are, or None."""
-    text = _mapping(header, "dimensions").get("num_records")
-    if text is None:
-        return None
-    if not re.fullmatch(r"[0-9]{1,12}", str(text)):
-        raise Level1Error(f"{path}: num_records is {text!r:.40}, it must be a number of records.")
-    return int(text)
+def promised(path: Path, header: dict[str, Any], key: str = "num_records") -> int | None:
+    """How many records the header, or its `dimensions`, says there are, or None."""
+    text = header.get(key, _mapping(header, "dimensions").get(key))
+    if text is not None and not re.fullmatch(r"[0-9]{1,12}", str(text)):
+        raise Level1Error(f"{path}: {key} is {text!r:.40}, it must be a number of records.")
+    return None if text is None else int(text)

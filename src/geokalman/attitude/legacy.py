@@ -1,6 +1,4 @@
-"""Reader of the older GRACE Level-1B files in ASCII: header lines "KEY : value" up to END OF HEADER, then the
-records.
-"""
+"""Reader of GRACE Level-1B files in ASCII: lines "KEY : value" up to END OF HEADER, then records."""
 
 from __future__ import annotations
 
@@ -8,7 +6,7 @@ import re
 from pathlib import Path
 
 from geokalman import reading
-from geokalman.attitude.header import Level1Error, same_epoch, split_name, within_day
+from geokalman.attitude.header import Level1Error, parts_of, promised, same_epoch, within_day
 from geokalman.attitude.level1 import Table, records
 from geokalman.attitude.products import GRACE
 
@@ -22,11 +20,7 @@ def read_grace(path: Path | str, product: str | None = None) -> Table:
     Raises Level1Error, naming the file and the line; FileNotFoundError.
     """
     path = Path(path)
-    parts = split_name(path)
-    if product is not None and parts["product"] != product:
-        raise Level1Error(f"{path}: product {parts['product']} in the file name, {product} was expected.")
-    if parts["product"] not in GRACE:
-        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE)}.")
+    parts = parts_of(path, GRACE, product)
     header: dict[str, str] = {}
     stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
     for place, line in stream:
@@ -43,20 +37,13 @@ def read_grace(path: Path | str, product: str | None = None) -> Table:
     else:
         raise Level1Error(f"{path}: no line {END!r}; this is not a GRACE Level-1B file in ASCII, or it is cut short.")
     named = Path(header.get("FILENAME", path.name)).name
-    if named != path.name and _stem(named) != _stem(path.name):
+    if named[:18] != path.name[:18]:  # product, date and satellite
         raise Level1Error(f"{path}: the header belongs to {named}.")
     name = re.fullmatch(r"GRACE ([AB])", header.get("SATELLITE NAME", ""))
     if name and parts["satellite"] in "AB" and name[1] != parts["satellite"]:
         raise Level1Error(
             f"{path}: the header's satellite is GRACE {name[1]}, the file name says {parts['satellite']}."
         )
-    promised = header.get("NUMBER OF DATA RECORDS")
-    if promised is not None and not re.fullmatch(r"\d{1,12}", promised):
-        raise Level1Error(f"{path}: NUMBER OF DATA RECORDS is {promised[:30]!r}, it must be a number of records.")
+    count = promised(path, header, "NUMBER OF DATA RECORDS")
     schema = within_day(GRACE[parts["product"]], parts["product"], parts["date"])
-    return records(path, parts, stream, place.line + 1, schema, None if promised is None else int(promised), header)
-
-
-def _stem(name: str) -> str:
-    """Product, date and satellite of a file name."""
-    return name[:18]
+    return records(path, parts, stream, place.line + 1, schema, count, header)

@@ -1,13 +1,11 @@
-"""Reader of Level-1 files in ASCII: GRACE-FO's YAML headers and, through `legacy`, those of GRACE; every refusal names
-file and line.
-"""
+"""Reader of Level-1 files in ASCII; every refusal names file and line."""
 
 from __future__ import annotations
 
 import re
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +13,8 @@ import numpy as np
 
 from geokalman import reading
 from geokalman.attitude import header as headers
-from geokalman.attitude.header import Level1Error, split_name
-from geokalman.attitude.products import GRACE_FO, KEYS, SECOND_FRACTIONS, Column
+from geokalman.attitude.header import Level1Error
+from geokalman.attitude.products import GRACE_FO, KEYS, QUATERNION, Column
 
 MOST_BAD = 0.01
 FEWEST = 0.5
@@ -37,9 +35,7 @@ class Level1Warning(UserWarning):
 
 @dataclass(frozen=True)
 class Table:
-    """The records of one file: columns name -> (n,) int64, float64 or str, and the notes on what was mended or left
-    out.
-    """
+    """Records of one file: columns name -> (n,) int64, float64 or str; notes on what was mended."""
 
     path: Path
     product: str
@@ -61,15 +57,7 @@ class Table:
 
     def where(self, keep: np.ndarray) -> Table:
         """The records at which `keep` (n,) is true."""
-        return Table(
-            self.path,
-            self.product,
-            self.satellite,
-            self.date,
-            {k: v[keep] for k, v in self.columns.items()},
-            self.notes,
-            self.header,
-        )
+        return replace(self, columns={k: v[keep] for k, v in self.columns.items()})
 
 
 def read(path: Path | str, product: str | None = None, satellite: str | None = None, date: str | None = None) -> Table:
@@ -81,12 +69,7 @@ def read(path: Path | str, product: str | None = None, satellite: str | None = N
     records, fewer than half of the records that the header promises; FileNotFoundError.
     """
     path = Path(path)
-    parts = split_name(path)
-    for what, wanted in (("product", product), ("satellite", satellite), ("date", date)):
-        if wanted is not None and parts[what] != wanted:
-            raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
-    if parts["product"] not in GRACE_FO:
-        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(GRACE_FO)}.")
+    parts = headers.parts_of(path, GRACE_FO, product, satellite, date)
     stream = reading.lines(path, "Level-1 file", Level1Error, keep_ends=True)
     header, first, notes = headers.read_header(path, stream)
     headers.agree(path, parts, header)
@@ -95,31 +78,22 @@ def read(path: Path | str, product: str | None = None, satellite: str | None = N
 
 
 def records(
-    path: Path,
-    parts: dict[str, str],
-    stream: Iterator[tuple[reading.Place, str]],
-    first: int,
-    schema: Sequence[Column | None],
-    promised: int | None,
-    header: dict,
-    notes: Sequence[str] = (),
-) -> Table:
-    """Parse, check and order the records that follow a header; `first` is the number of their first line in the
-    file, `notes` what was already mended.
-    """
+    path: Path, parts: dict[str, str], stream: Iterator[tuple[reading.Place, str]], first: int,
+    schema: Sequence[Column | None], promised: int | None, header: dict, notes: Sequence[str] = (),
+) -> Table:  # fmt: skip
+    """Parse, check and order the records after a header; first : line of the first, notes : so far."""
     pieces: list[dict[str, np.ndarray]] = []
     numbers: list[int] = []
     bad: list[tuple[int, str]] = []
     lines: list[tuple[int, str]] = []
-    total, unfinished = 0, False
+    total, unfinished, notes = 0, False, list(notes)
 
     def flush() -> None:
-        nonlocal lines
         if lines:
             piece, sound = _parse(lines, schema, bad)
             pieces.append(piece)
             numbers.extend(sound)
-            lines = []
+            lines.clear()
 
     for place, line in stream:
         if line.strip():
@@ -128,7 +102,6 @@ def records(
             lines.append((place.line, line))
             total += 1
             unfinished = not line.endswith("\n")
-    notes = list(notes)
     if unfinished and lines and _fault(lines[-1][1].split(), schema):
         number, _ = lines.pop()
         total -= 1
@@ -151,18 +124,13 @@ def records(
     if not total:
         raise Level1Error(f"{path}: no records after the header (line {first}).")
     letters = columns.get("GRACEFO_id", columns.get("GRACE_id"))
-    if (
-        letters is not None
-        and len(letters)
-        and parts["satellite"] not in "XY"
-        and (letters != parts["satellite"]).any()
-    ):
-        k = int(np.argmax(letters != parts["satellite"]))
+    foreign = np.zeros(0, bool) if letters is None or parts["satellite"] in "XY" else letters != parts["satellite"]
+    if foreign.any():
+        k = int(np.argmax(foreign))
         raise Level1Error(
             f"{path}, line {numbers[k]}: a record says satellite {letters[k]}, the file name {parts['satellite']}."
         )
-    columns = _in_order(parts["product"], columns, notes)
-    columns = _quaternions(columns, notes)
+    columns = _quaternions(_in_order(parts["product"], columns, notes), notes)
     for note in notes:
         warnings.warn(f"{path}: {note}.", Level1Warning, stacklevel=3)
     return Table(path, parts["product"], parts["satellite"], parts["date"], columns, tuple(notes), header)
@@ -175,23 +143,20 @@ def _empty(column: Column) -> np.ndarray:
 def _parse(
     lines: list[tuple[int, str]], schema: Sequence[Column | None], bad: list[tuple[int, str]]
 ) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Columns of a chunk of lines, converted whole where every field is sound, else without the bad records; lines of
-    the sound.
-    """
+    """Columns and line numbers of a chunk: converted whole, or without the bad records."""
     try:
         return _convert([line for _, line in lines], schema), [number for number, _ in lines]
     except ValueError:
         pass
-    good, numbers = [], []
+    good = {}
     for number, line in lines:
         line = _with_e(line, schema)
         fault = _fault(line.split(), schema) or ("" if line.isascii() else "a space that is not ASCII stands in it")
         if fault:
             bad.append((number, fault))
         else:
-            good.append(line)
-            numbers.append(number)
-    return _convert(good, schema), numbers
+            good[number] = line
+    return _convert(list(good.values()), schema), list(good)
 
 
 def _with_e(line: str, schema: Sequence[Column | None]) -> str:
@@ -242,7 +207,7 @@ def _convert(lines: list[str], schema: Sequence[Column | None]) -> dict[str, np.
 
 def _norm(columns: dict[str, np.ndarray]) -> np.ndarray:
     with np.errstate(over="ignore"):
-        return np.sqrt(sum(columns[name] ** 2 for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")))
+        return np.sqrt(sum(columns[name] ** 2 for name in QUATERNION))
 
 
 def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
@@ -257,34 +222,27 @@ def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
         if column is None:
             continue
         form = FORMS.get(column.kind)
+        found, shown = f"column {k} ({column.name}) is", text[:30]
         if form and not form.match(text):
-            return (
-                f"column {k} ({column.name}) is {text[:30]!r}, not "
-                f"{'an integer' if column.kind == 'int' else 'a number'}"
-            )
+            return f"{found} {shown!r}, not {'an integer' if column.kind == 'int' else 'a number'}"
         if column.kind == "flags" and text.strip("01"):
-            return f"column {k} ({column.name}) is {text[:30]!r}, not a string of 0 and 1"
+            return f"{found} {shown!r}, not a string of 0 and 1"
         if form is None:
             continue
         value = int(text) if column.kind == "int" else float(text)
         if column.kind == "int" and not -(2**63) <= value < 2**63:
-            return f"column {k} ({column.name}) is {text[:30]}, no 64-bit integer"
+            return f"{found} {shown}, no 64-bit integer"
         if not np.isfinite(value * column.factor):
-            return f"column {k} ({column.name}) is {text[:30]}"
+            return f"{found} {shown}"
         if value in column.fill:
-            return f"column {k} ({column.name}) is {text[:30]}, which marks a missing value"
+            return f"{found} {shown}, which marks a missing value"
         if not column.low <= value * column.factor <= column.high:
-            return f"column {k} ({column.name}) is {text[:30]}, outside {column.low:.10g} to {column.high:.10g}"
+            return f"{found} {shown}, outside {column.low:.10g} to {column.high:.10g}"
     if not any(c is not None and c.name == "quatangle" for c in schema):
         return ""
-    norm = float(_norm(_named(row, schema)))
+    named = {c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c and c.name in QUATERNION}
+    norm = float(_norm(named))
     return "" if abs(norm - 1.0) <= NORM_REFUSED else f"the quaternion has the norm {norm:g}"
-
-
-def _named(row: list[str], schema: Sequence[Column | None]) -> dict[str, np.ndarray]:
-    return {
-        c.name: np.float64(text) for c, text in zip(schema, row, strict=True) if c is not None and c.kind == "float"
-    }
 
 
 def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, np.ndarray]:
@@ -295,8 +253,7 @@ def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) ->
     series = [columns[key] for key in keys]
     order = np.lexsort(series[::-1])
     if (order != np.arange(len(order))).any():
-        time = series[:2] if len(series) > 1 and keys[1] in SECOND_FRACTIONS else series[:1]
-        back = int(sum(1 for _ in np.flatnonzero(np.diff(time[0]) < 0)))
+        back = int((np.diff(series[0]) < 0).sum())
         if back:
             notes.append(f"time runs backwards at {back} place{'s' * (back > 1)}; the records were sorted")
     columns = {name: values[order] for name, values in columns.items()}
@@ -304,9 +261,8 @@ def _in_order(product: str, columns: dict[str, np.ndarray], notes: list[str]) ->
     for key in keys:
         same &= columns[key][1:] == columns[key][:-1]
     if same.any():
-        notes.append(
-            f"{int(same.sum())} duplicate time tag{'s' * (int(same.sum()) > 1)}; the first record of each was kept"
-        )
+        count = int(same.sum())
+        notes.append(f"{count} duplicate time tag{'s' * (count > 1)}; the first record of each was kept")
         keep = np.concatenate([[True], ~same])
         columns = {name: values[keep] for name, values in columns.items()}
     return columns
@@ -319,12 +275,8 @@ def _quaternions(columns: dict[str, np.ndarray], notes: list[str]) -> dict[str, 
     norm = _norm(columns)
     off = np.abs(norm - 1.0) > NORM_EXACT
     if off.any():
-        notes.append(
-            (
-                f"{int(off.sum())} quaternion{'s' * (int(off.sum()) > 1)} with a norm off by up to "
-                f"{np.abs(norm - 1).max():.1e} normalised"
-            )
-        )
-        for name in ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"):
+        count, most = int(off.sum()), np.abs(norm - 1).max()
+        notes.append(f"{count} quaternion{'s' * (count > 1)} with a norm off by up to {most:.1e} normalised")
+        for name in QUATERNION:
             columns[name] = np.where(off, columns[name] / norm, columns[name])
     return columns

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,55 +25,37 @@ AXES = ("roll", "pitch", "yaw")
 EPOCH_2019 = 599572800
 """2019-01-01 00:00:00 in GPS seconds past 2000-01-01 12:00:00, the day that the paper processes."""
 
-QSA = normalise(
-    np.array(
-        [
-            [-0.184652303391424, 0.687786333034212, 0.676514247097443, 0.187568548583640],
-            [0.248295501861880, -0.040073114970771, 0.851615998360150, 0.459884420858917],
-            [-0.462754561284398, 0.853119868151750, -0.042736767693831, -0.237103933460220],
-        ]
-    )
-)
-"""SRF to SCF of the three cameras of GRACE-C (QSA1B, by way of public readers); used for D too, whose file was not
-found.
-"""
+QSA = normalise([
+    [-0.184652303391424, 0.687786333034212, 0.676514247097443, 0.187568548583640],
+    [0.248295501861880, -0.040073114970771, 0.851615998360150, 0.459884420858917],
+    [-0.462754561284398, 0.853119868151750, -0.042736767693831, -0.237103933460220],
+])  # fmt: skip
+"""SRF to SCF of the cameras of GRACE-C (QSA1B, by way of public readers); for D too, whose file was not found."""
 ZENITH = np.array([0.0, 1.0, 0.0, 0.0])
 """Mounting of a camera that looks along -z exactly, as the paper says of SCA1."""
 GYRO_AXES = {
-    "C": np.array(
-        [
-            [0.942826211, 0.001810853, 0.33327985],
-            [-0.472597539, 0.815825089, 0.333288147],
-            [-0.470092696, -0.817231401, 0.333385204],
-            [-0.000592072, -0.000382796, -0.999999751],
-        ]
-    ),
-    "D": np.array(
-        [
-            [0.942687237, 0.000111944, 0.33367763],
-            [-0.471344745, 0.816437037, 0.333563632],
-            [-0.471100307, -0.816914065, 0.332740005],
-            [0.000753399, 0.000461058, -0.99999961],
-        ]
-    ),
-}
+    "C": np.array([
+        [0.942826211, 0.001810853, 0.33327985], [-0.472597539, 0.815825089, 0.333288147],
+        [-0.470092696, -0.817231401, 0.333385204], [-0.000592072, -0.000382796, -0.999999751],
+    ]),
+    "D": np.array([
+        [0.942687237, 0.000111944, 0.33367763], [-0.471344745, 0.816437037, 0.333563632],
+        [-0.471100307, -0.816914065, 0.332740005], [0.000753399, 0.000461058, -0.99999961],
+    ]),
+}  # fmt: skip
 """Sensitive axes of the four gyros in the IMU frame."""
 IMU_TO_SRF = {
-    "C": np.array(
-        [
-            [-0.501252164183920, 0.865301254687325, -0.000080854668175],
-            [0.865300283426991, 0.501251737450002, 0.001454374272271],
-            [0.001299000425484, 0.000659044684221, -0.999998939128437],
-        ]
-    ),
-    "D": np.array(
-        [
-            [-0.501005885615109, 0.865443870184570, 0.000100692470726],
-            [0.865443802410115, 0.501005791604386, 0.000470795904316],
-            [0.000356999918493, 0.000323015193725, -0.999999884106115],
-        ]
-    ),
-}
+    "C": np.array([
+        [-0.501252164183920, 0.865301254687325, -0.000080854668175],
+        [0.865300283426991, 0.501251737450002, 0.001454374272271],
+        [0.001299000425484, 0.000659044684221, -0.999998939128437],
+    ]),
+    "D": np.array([
+        [-0.501005885615109, 0.865443870184570, 0.000100692470726],
+        [0.865443802410115, 0.501005791604386, 0.000470795904316],
+        [0.000356999918493, 0.000323015193725, -0.999999884106115],
+    ]),
+}  # fmt: skip
 PHASE_CENTRE = {"C": np.array([1.4443985, -0.00017, 0.000448]), "D": np.array([1.4444575, 0.000054, 0.000230])}
 """K-band antenna phase centres in the SRF [m]."""
 SUN = np.array([0.181, -0.902, -0.391]) / np.linalg.norm([0.181, -0.902, -0.391])
@@ -106,10 +88,10 @@ def mounting(mount: str = "qsa") -> Array:
 
 
 def camera_information(q_qsa: Array, sigma: float, k_aniso: float) -> Array:
-    """Information matrices (3, 3, 3) [rad^-2] of the cameras in SRF axes: R(q_QSA)' diag(1, 1, 1/k^2) R(q_QSA) /
-    sigma^2.
+    """Information matrices (3, 3, 3) [rad^-2] of the cameras in SRF axes.
 
-    q_qsa : (3, 4); sigma : across the boresight [rad]; k_aniso : how much worse about it. Source: Romans (2003).
+    L = R(q_QSA)' diag(1, 1, 1/k^2) R(q_QSA) / sigma^2; q_qsa : (3, 4); sigma : across the boresight [rad]; k_aniso :
+    how much worse about it. Source: Romans (2003).
     """
     R = matrix(q_qsa)
     return np.einsum("cki,k,ckj->cij", R, np.array([1.0, 1.0, 1.0 / k_aniso**2]) / sigma**2, R)
@@ -132,8 +114,28 @@ def _once(name: str, numbers: Iterable[int]) -> tuple[int, ...]:
     return tuple(given)
 
 
+class _Settings:
+    """What scenario and tuning share."""
+
+    sca_sigma_arcsec: float
+
+    @classmethod
+    def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Self:
+        """Those of a notebook's parameters, whose names are those of the fields."""
+        p = {**parameters, **changes}
+        given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
+        for name in {"cameras_off", "axes"} & set(given):
+            given[name] = _once(name, given[name])
+        return cls(**given)
+
+    @property
+    def sigma(self) -> float:
+        """Noise of a camera across its boresight [rad]."""
+        return self.sca_sigma_arcsec * ARCSEC
+
+
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(_Settings):
     """What is flown and what its sensors do; SI and radians except where a name carries its unit.
 
     mount_err_rad : each camera sits wrong by a constant N(0, .^2) per SRF axis. shift_s : the tag t of every camera
@@ -183,23 +185,9 @@ class Scenario:
                 f"cameras_off = {list(self.cameras_off)} must name some of cameras 1, 2, 3, not all of them."
             )
 
-    @classmethod
-    def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Scenario:
-        """The scenario of a notebook's parameters, whose names are those of the fields."""
-        p = {**parameters, **changes}
-        given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
-        if "cameras_off" in given:
-            given["cameras_off"] = _once("cameras_off", given["cameras_off"])
-        return cls(**given)
-
-    @property
-    def sigma(self) -> float:
-        """Noise of a camera across its boresight [rad]."""
-        return self.sca_sigma_arcsec * ARCSEC
-
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(_Settings):
     """What the filters assume.
 
     arw_deg_sqrt_h : of one gyro axis; axes : gyro axes in use; sca_sigma_arcsec, k_aniso : of the cameras (weights of
@@ -222,15 +210,9 @@ class Tuning:
 
     def __post_init__(self) -> None:
         for name in (
-            "arw_deg_sqrt_h",
-            "sca_sigma_arcsec",
-            "k_aniso",
-            "apm_factor",
-            "kappa",
-            "bias_walk",
-            "p0_attitude",
+            "arw_deg_sqrt_h", "sca_sigma_arcsec", "k_aniso", "apm_factor", "kappa", "bias_walk", "p0_attitude",
             "p0_bias",
-        ):
+        ):  # fmt: skip
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} = {value:g} must be positive and finite.")
@@ -240,20 +222,6 @@ class Tuning:
             )
         if self.update_hz not in (1, 2):
             raise ValueError(f"update_hz = {self.update_hz} is not offered; give 1 or 2.")
-
-    @classmethod
-    def from_parameters(cls, parameters: dict[str, Any], **changes: Any) -> Tuning:
-        """The tuning of a notebook's parameters, whose names are those of the fields."""
-        p = {**parameters, **changes}
-        given = {item.name: p[item.name] for item in fields(cls) if item.name in p}
-        if "axes" in given:
-            given["axes"] = _once("axes", given["axes"])
-        return cls(**given)
-
-    @property
-    def sigma(self) -> float:
-        """Noise of a camera across its boresight [rad]."""
-        return self.sca_sigma_arcsec * ARCSEC
 
     def rate_covariance(self, satellite: str) -> Array:
         """Gyro noise density in SRF axes (3, 3) [rad^2/s]: N_axis^2 (H'H)^-1, not isotropic when an axis is missing."""

@@ -10,9 +10,7 @@ from geokalman.physics.quaternion import difference, matrix, rotate
 
 
 def antenna_frame(satellite: str) -> Array:
-    """C_SRF->K (3, 3): x along the vector to the K-band antenna phase centre, y across it and the SRF's z, z as near z
-    as can be.
-    """
+    """C_SRF->K (3, 3): x to the antenna's phase centre, y across it and the SRF's z, z nearest to z."""
     x = PHASE_CENTRE[satellite] / np.linalg.norm(PHASE_CENTRE[satellite])
     y = np.cross([0.0, 0.0, 1.0], x)
     y /= np.linalg.norm(y)
@@ -44,8 +42,9 @@ def acceleration_difference(q_one: Array, q_other: Array, a_srf: Array) -> Array
 
 
 def antenna_correction(q_C: Array, q_D: Array, r_C: Array, r_D: Array) -> Array:
-    """K-band antenna offset correction (n,) [m], e . R(q_C) p_C - e . R(q_D) p_D with e from C to D; added to the
-    biased range.
+    """K-band antenna offset correction (n,) [m], added to the biased range.
+
+    e . R(q_C) p_C - e . R(q_D) p_D with e from C to D.
     """
     e = r_D - r_C
     e = e / np.linalg.norm(e, axis=1, keepdims=True)
@@ -59,9 +58,7 @@ def central_rate(series: Array, dt: float = 1.0) -> Array:
 
 
 def asd(series: Array, dt: float, segment_s: float = 2048.0) -> tuple[Array, Array]:
-    """Frequencies (m,) [Hz] and one-sided amplitude spectral density (m, ...) of a series (n, ...), Welch with Hann
-    windows.
-    """
+    """Frequencies (m,) [Hz] and one-sided amplitude spectral density (m, ...), Welch with Hann windows."""
     segment = min(len(series), int(round(segment_s / dt)))
     f, psd = welch(series, 1.0 / dt, window="hann", nperseg=segment, axis=0)
     return f[1:], np.sqrt(psd[1:])

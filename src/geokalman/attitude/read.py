@@ -1,28 +1,30 @@
-"""Real (or written) Level-1 files to the arrays that the simulation gives: raw sensors in GPS time, orbits,
-accelerations.
-"""
+"""Level-1 files to what the simulation gives: raw sensors in GPS time, orbits and accelerations of a flight."""
 
 from __future__ import annotations
 
 import datetime
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from geokalman.attitude import cameras, gyro
 from geokalman.attitude.header import NAME, Level1Error, flag_meanings
 from geokalman.attitude.level1 import Level1Warning, Table, read
-from geokalman.attitude.model import Array, Raw, mounting
+from geokalman.attitude.model import SATELLITES, Array, Raw, mounting
+from geokalman.attitude.products import QUATERNION
 from geokalman.attitude.timetags import clock, flag_bits, seconds
+from geokalman.attitude.truth import Flight
 from geokalman.attitude.write import gps_second
 from geokalman.physics.quaternion import normalise
 
-QUATERNION = ("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff")
 WORST_CONFIDENCE = 5
 REFUSED = re.compile(r"invalid|not valid|\bsun\b|\bmoon\b|non-stellar|false star", re.IGNORECASE)
 VALID = re.compile(r"\b1\s*=\s*valid", re.IGNORECASE)
 LOWEST, HIGHEST = 6.4e6, 5e7  # m: radii of orbits
+LONGEST_GAP = 10.0  # s: accelerations are interpolated over no longer hole
 SAME_EPOCH = 1e-3  # s: rows of different cameras so near each other are one exposure
 
 
@@ -34,9 +36,7 @@ def dates(folder: Path | str) -> list[str]:
 
 
 def find(folder: Path | str, product: str, satellite: str, date: str) -> Path:
-    """The file of a product, the newest version where there are several. Raises Level1Error naming what was looked
-    for.
-    """
+    """The newest file of a product. Raises Level1Error naming what was looked for."""
     found = versions(folder, product, satellite, date)
     if not found:
         packed = sorted(Path(folder).glob(f"{product}_{date}_{satellite}_??.txt.*"))
@@ -55,6 +55,10 @@ def versions(folder: Path | str, product: str, satellite: str, date: str) -> lis
     return sorted(path for path in found if NAME.match(path.name))
 
 
+def _table(folder: Path | str, product: str, satellite: str, date: str) -> Table:
+    return read(find(folder, product, satellite, date), product, satellite, date)
+
+
 def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
     """Sensors of one satellite on one day, in GPS time, and which camera epochs stand at an edge of the clock (n,).
 
@@ -63,15 +67,13 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     the readers do.
     """
     day = datetime.date.fromisoformat(date)
-    around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 0, 1)]
+    around = [(day + datetime.timedelta(days=k)).isoformat() for k in (-1, 1)]
     origin = gps_second(date)
-    sca, imu = (
-        read(find(folder, product, satellite, date), product, satellite, date) for product in ("SCA1A", "IMU1A")
-    )
+    sca, imu = (_table(folder, product, satellite, date) for product in ("SCA1A", "IMU1A"))
     tables: dict[str, list[Table]] = {}
     for product in ("TIM1B", "CLK1B"):
         files = [find(folder, product, satellite, date)]
-        files += [p for other in (around[0], around[2]) for p in versions(folder, product, satellite, other)[-1:]]
+        files += [p for other in around for p in versions(folder, product, satellite, other)[-1:]]
         tables[product] = [read(path, product, satellite) for path in files]
     time = clock(tables["TIM1B"], tables["CLK1B"], origin)
     q_qsa = qsa(folder, satellite, date)
@@ -83,8 +85,8 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     t, edge = time.gps(seconds(sca["rcvtime_intg"], sca["rcvtime_frac"], 10**6, origin))
     t_camera, q_camera, first = _by_camera(t, sca["sca_id"], sca.stacked(*QUATERNION))
     t_all, _ = time.gps(seconds(imu["time_intg"], imu["time_frac"], 10**6, origin))
-    t_gyro, gyro = _by_axis(t_all, imu["gyro_id"], imu["FiltAng"], imu.path)
-    return Raw(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, gyro), edge[first]
+    t_gyro, angle = _by_axis(t_all, imu["gyro_id"], imu["FiltAng"], imu.path)
+    return Raw(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, angle), edge[first]
 
 
 def refused(table: Table, name: str) -> np.ndarray:
@@ -95,14 +97,10 @@ def refused(table: Table, name: str) -> np.ndarray:
     a bit has other meanings in GRACE and GRACE-FO.
     """
     texts = table[name]
-    none = np.zeros(len(texts), bool)
     if any(text.strip("01") for text in np.unique(texts)):
-        warnings.warn(
-            f"{table.path}: {name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used.",
-            Level1Warning,
-            stacklevel=4,
-        )
-        return none
+        text = f"{name} is {str(texts[0])!r}, not a string of 0 and 1; it was not used."
+        warnings.warn(f"{table.path}: {text}", Level1Warning, stacklevel=4)
+        return np.zeros(len(texts), bool)
     bits, meanings = flag_bits(texts), flag_meanings(table.header, name)
     valid = sum(1 << bit for bit, text in meanings.items() if VALID.search(text))
     bad = sum(1 << bit for bit, text in meanings.items() if REFUSED.search(text) and not VALID.search(text))
@@ -110,16 +108,13 @@ def refused(table: Table, name: str) -> np.ndarray:
     if dark.any():
         warnings.warn(
             f"{table.path}: {name} of {int(dark.sum())} of {len(dark)} records has bits set that the header does not "
-            "explain, as "
-            f"{texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
+            f"explain, as {texts[int(np.argmax(dark))]}; the records were used.", Level1Warning, stacklevel=4,
         )  # fmt: skip
     return (bits & bad != 0) | (bits & valid != valid)
 
 
 def _unflagged(table: Table, *names: str) -> Table:
-    """The records that none of the flags refuse; what is left out is warned of. Raises Level1Error where nothing is
-    left.
-    """
+    """The records that no flag refuses, with a warning. Raises Level1Error where nothing is left."""
     bad = np.any([refused(table, name) for name in names], axis=0)
     if bad.all():
         raise Level1Error(f"{table.path}: the flags {' and '.join(names)} refuse all {len(bad)} records.")
@@ -130,9 +125,7 @@ def _unflagged(table: Table, *names: str) -> Table:
 
 
 def qsa(folder: Path | str, satellite: str, date: str) -> Array:
-    """Mounting quaternions (3, 4) of the cameras from QSA1B (its last row of each), or those of the model, with a
-    warning.
-    """
+    """Mounting quaternions (3, 4) from the last rows of QSA1B, or with a warning those of the model."""
     try:
         table = read(find(folder, "QSA1B", satellite, date), "QSA1B", satellite)
     except Level1Error as error:
@@ -181,7 +174,7 @@ def orbit(folder: Path | str, satellite: str, date: str, product: str = "GNI1B")
 
     Raises Level1Error for Earth-fixed states (coord_ref E, as GNV1B gives): they would need the Earth's rotation first.
     """
-    table = read(find(folder, product, satellite, date), product, satellite, date)
+    table = _table(folder, product, satellite, date)
     if (table["coord_ref"] != "I").any():
         k = int(np.argmax(table["coord_ref"] != "I"))
         raise Level1Error(
@@ -219,6 +212,85 @@ def _in_orbit(table: Table, t: Array, r: Array, v: Array) -> None:
 
 def accelerations(folder: Path | str, satellite: str, date: str) -> tuple[Array, Array]:
     """Times (n,) [s after the day's start] and linear accelerations (n, 3) [m/s^2] in the SRF, from ACT1B."""
-    table = read(find(folder, "ACT1B", satellite, date), "ACT1B", satellite, date)
+    table = _table(folder, "ACT1B", satellite, date)
     t = (table["gps_time"] - gps_second(date)).astype(float)
     return t, table.stacked("lin_accl_x", "lin_accl_y", "lin_accl_z")
+
+
+def flight(folder: Path | str, date: str = "") -> Flight:
+    """Both satellites on the first day (or `date`) in a folder, at the whole seconds that all sensors have in common.
+
+    Raises Level1Error where files are missing, too short or have gaps in the orbit.
+    """
+    days = dates(folder)
+    if not days:
+        raise Level1Error(
+            f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of unpacked GRACE-FO Level-1A and 1B files "
+            "of one day."
+        )
+    if not date and len(days) > 1:
+        warnings.warn(
+            f"{folder}: files of {len(days)} days; the first, {days[0]}, is taken.", Level1Warning, stacklevel=3
+        )
+    date = date or days[0]
+    sensors, edges = {}, {}
+    for s in SATELLITES:
+        sensors[s], edges[s] = raw(folder, s, date)
+    orbits = {s: orbit(folder, s, date) for s in SATELLITES}
+    reach = [_reach(sensors[s]) for s in SATELLITES]
+    first = max(*(r[0] for r in reach), *(o[0][0] for o in orbits.values()))
+    last = min(*(r[1] for r in reach), *(o[0][-1] for o in orbits.values()))
+    t = np.arange(np.ceil(first - cameras.SNAP), np.floor(last + cameras.SNAP) + 0.5)
+    if len(t) < 60:
+        raise Level1Error(f"{folder}: sensors and orbits of {date} have only {len(t)} seconds in common.")
+    r, v, linear, edge = {}, {}, {}, {}
+    for s in SATELLITES:
+        edge[s] = t[edges[s][_nearest(sensors[s].t_camera, t)]]
+        if len(edge[s]):
+            warnings.warn(
+                f"{folder}: {len(edge[s])} seconds of GRACE-{s} from {edge[s][0]:g} s on stand at an edge of its clock "
+                "(TIM1B, CLK1B; the files of the neighbouring days are needed); they are filtered and left out of the "
+                "statistics.",
+                Level1Warning, stacklevel=3,
+            )  # fmt: skip
+        seconds, position, velocity = orbits[s]
+        pick = np.searchsorted(seconds, t)
+        if not (np.abs(seconds[np.minimum(pick, len(seconds) - 1)] - t) < 1e-6).all():
+            raise Level1Error(
+                f"{folder}: GNI1B of {s} has gaps between {t[0]:g} and {t[-1]:g} s; a whole arc at 1 Hz is needed."
+            )
+        r[s], v[s] = position[pick], velocity[pick]
+        if versions(folder, "ACT1B", s, date):
+            linear |= _accelerations(folder, s, date, t)
+        sensors[s] = _trim(sensors[s], t[0], t[-1])
+    return Flight(t, sensors, r, v, {}, linear, edge)
+
+
+def _accelerations(folder: Path, satellite: str, date: str, t: Array) -> dict[str, Array]:
+    """Linear accelerations (n, 3) at t, under the satellite's letter; none, with a warning, where they have a hole."""
+    seconds, a = accelerations(folder, satellite, date)
+    gap = max(np.diff(seconds, prepend=t[0], append=t[-1]), default=np.inf)
+    if gap > LONGEST_GAP:
+        warnings.warn(
+            f"{folder}: ACT1B of {satellite} has a hole of {gap:g} s; the accelerations are left out.",
+            Level1Warning, stacklevel=4,
+        )  # fmt: skip
+        return {}
+    return {satellite: np.stack([np.interp(t, seconds, a[:, i]) for i in range(3)], axis=1)}
+
+
+def _nearest(grid: Array, t: Array) -> np.ndarray:
+    """Index of the nearest of increasing epochs (m,) to each of t (n,)."""
+    right = np.clip(np.searchsorted(grid, t), 1, len(grid) - 1)
+    return right - (t - grid[right - 1] < grid[right] - t)
+
+
+def _reach(one: Raw) -> tuple[float, float]:
+    """First and last time [s] at which all sensors have data, a second for interpolation left at either end."""
+    t = one.t_gyro[[axis - 1 for axis in gyro.present(one)]]
+    return max(one.t_camera[0], np.nanmin(t, axis=1).max() + 1), min(one.t_camera[-1], np.nanmax(t, axis=1).min() - 1)
+
+
+def _trim(one: Raw, first: float, last: float) -> Raw:
+    keep = (one.t_camera > first - 0.75) & (one.t_camera < last + 0.75)
+    return replace(one, t_camera=one.t_camera[keep], q_camera=one.q_camera[:, keep])

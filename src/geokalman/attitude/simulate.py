@@ -1,6 +1,4 @@
-"""Sensors of a simulated satellite: four gyro axes with drifting, wrapping, quantised angles, and three star
-cameras.
-"""
+"""Simulated sensors: four gyro axes with drifting, wrapping, quantised angles, and three star cameras."""
 
 from __future__ import annotations
 
@@ -12,20 +10,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from geokalman.attitude.model import (
-    CAMERA_HZ,
-    EPOCH_2019,
-    GYRO_HZ,
-    SATELLITES,
-    SUN,
-    WRAP_DEG,
-    Array,
-    Raw,
-    Scenario,
-    arw_density,
-    gyro_matrix,
+    CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Raw, Scenario, arw_density, gyro_matrix,
     mounting,
-)
-from geokalman.attitude.truth import REVOLUTION, Truth, fly, increments
+)  # fmt: skip
+from geokalman.attitude.truth import REVOLUTION, Flight, Truth, fly, increments
 from geokalman.physics.quaternion import conjugate, exp, matrix, multiply
 
 AXIS_OFFSETS = (0.0, 0.031, 0.0625, 0.094)  # s: the axes are sampled at different instants
@@ -115,9 +103,7 @@ def _dropouts(duration: float, rng: np.random.Generator) -> list[tuple[float, fl
 
 
 def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Truth, Raw]:
-    """The truth with its gyro biases, and what one satellite's sensors give, from two children of rng: gyros,
-    cameras.
-    """
+    """The truth with its gyro biases, and what a satellite's sensors give; rng has a child for gyros and cameras."""
     gyro_rng, camera_rng = rng.spawn(2)
     t_gyro, gyro, bias = gyros(truth, satellite, scenario, gyro_rng)
     t_camera, q_camera = cameras(truth, scenario, camera_rng)
@@ -125,9 +111,11 @@ def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Gen
     return known, Raw(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
 
 
-def simulate(scenario: Scenario, seed: int) -> tuple[dict[str, Truth], dict[str, Raw]]:
+def simulate(scenario: Scenario, seed: int) -> Flight:
     """Truth on the 8 Hz grid and sensor data of both satellites, run `seed` of an ensemble."""
     truth_rng, *sensor_rngs = np.random.default_rng(seed).spawn(3)
     motion = fly(scenario, truth_rng)
     seen = {s: observe(motion[s], s, scenario, child) for s, child in zip(SATELLITES, sensor_rngs, strict=True)}
-    return {s: known for s, (known, _) in seen.items()}, {s: raw for s, (_, raw) in seen.items()}
+    truth, raw = ({s: pair[k] for s, pair in seen.items()} for k in (0, 1))
+    at = {s: truth[s].at(1, scenario.duration_s) for s in SATELLITES}
+    return Flight(at["C"].t, raw, {s: at[s].r for s in SATELLITES}, {s: at[s].v for s in SATELLITES}, truth)

@@ -1,6 +1,4 @@
-"""Time tags: on-board computer to receiver time by TIM1B, receiver to GPS time by CLK1B; integer seconds kept apart
-from fractions.
-"""
+"""Time tags: on-board to receiver time by TIM1B, receiver to GPS time by CLK1B."""
 
 from __future__ import annotations
 
@@ -19,9 +17,7 @@ def flag_bits(flags: np.ndarray) -> np.ndarray:
 
 
 def seconds(whole: np.ndarray, fraction: np.ndarray, per_second: int, origin: int) -> Array:
-    """Seconds after an integer origin, exact to 1e-11 s: the large integers are subtracted before anything becomes a
-    float.
-    """
+    """Seconds after an integer origin, exact to 1e-11 s: large integers are subtracted first."""
     return (np.asarray(whole, dtype=np.int64) - origin).astype(float) + np.asarray(
         fraction, dtype=np.int64
     ) / per_second
@@ -44,8 +40,11 @@ class Clock:
     no_after: np.ndarray
 
     def gps(self, obc: Array) -> tuple[Array, np.ndarray]:
-        """GPS times [s after the origin] of on-board times and which of them stand at an edge: beyond the tables, or in
-        a segment of the clock that must not be bridged. Edges are carried by the nearest offset and marked."""
+        """GPS times [s after the origin] of on-board times, and which of them stand at an edge.
+
+        An edge is beyond the tables, or in a segment of the clock that must not be bridged; it is carried by the
+        nearest offset.
+        """
         receiver = obc + np.interp(obc, self.obc, self.to_receiver)
         edge = (obc < self.obc[0]) | (obc > self.obc[-1])
         gps = receiver + np.interp(receiver, self.receiver, self.to_gps)
@@ -60,31 +59,24 @@ class Clock:
 
 
 def clock(tim: list[Table], clk: list[Table], origin: int) -> Clock:
-    """The clock of one satellite from its TIM1B and CLK1B files: of the day, and of its neighbours where they are
-    there.
+    """The clock of one satellite from its TIM1B and CLK1B files of the day and its neighbours.
 
     Undefined pairs (gpstime_intg = 0) and those with a flag of bit 3 or above are left out. Raises Level1Error where
-    nothing is left, and where on-board time does not increase.
+    nothing is left.
     """
     obc, receiver = [], []
     for table in tim:
         good = (table["gpstime_intg"] != 0) & (flag_bits(table["qualflg"]) & 0b11111000 == 0)
         obc.append((table["obdh_time"][good] - origin).astype(float))
         receiver.append(seconds(table["gpstime_intg"][good], table["gpstime_frac"][good], 10**9, origin))
-    x, x_index = np.unique(np.concatenate(obc), return_index=True) if obc else (np.empty(0), np.empty(0, int))
-    if len(x) < 1:
-        raise Level1Error(f"{tim[0].path if tim else 'TIM1B'}: no usable pair of on-board and receiver time is left.")
-    y = np.concatenate(receiver)[x_index] - x
-    rcv, eps, before, after = [], [], [], []
-    for table in clk:
-        bits = flag_bits(table["qualflg"])
-        rcv.append((table["rcv_time"] - origin).astype(float))
-        eps.append(table["eps_time"])
-        before.append(bits & 0b10 != 0)
-        after.append(bits & 0b01 != 0)
-    u, index = np.unique(np.concatenate(rcv), return_index=True) if rcv else (np.empty(0), np.empty(0, int))
-    if len(u) < 1:
-        raise Level1Error(f"{clk[0].path if clk else 'CLK1B'}: no clock offset is left.")
-    return Clock(
-        origin, x, y, u, np.concatenate(eps)[index], np.concatenate(before)[index], np.concatenate(after)[index]
-    )
+    x, index = np.unique(np.concatenate(obc), return_index=True)
+    if not len(x):
+        raise Level1Error(f"{tim[0].path}: no usable pair of on-board and receiver time is left.")
+    y = np.concatenate(receiver)[index] - x
+    rcv = np.concatenate([table["rcv_time"] for table in clk])
+    u, index = np.unique((rcv - origin).astype(float), return_index=True)
+    if not len(u):
+        raise Level1Error(f"{clk[0].path}: no clock offset is left.")
+    eps = np.concatenate([table["eps_time"] for table in clk])[index]
+    bits = np.concatenate([flag_bits(table["qualflg"]) for table in clk])[index]
+    return Clock(origin, x, y, u, eps, bits & 0b10 != 0, bits & 0b01 != 0)

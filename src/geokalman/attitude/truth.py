@@ -1,16 +1,19 @@
-"""True orbits and attitudes of the pair: an analytic orbit with secular J2, and pointing angles like GRACE-FO's."""
+"""True orbits and attitudes of the pair: an analytic orbit with secular J2, and pointing angles like GRACE-FO's.
+
+A `Flight` holds what the sensors gave together with that truth, where there is one.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import GYRO_HZ, Array, Scenario
+from geokalman.attitude.model import GYRO_HZ, Array, Raw, Scenario, gyro_matrix, los_frame
 from geokalman.constants import GM_EARTH, R_EARTH
-from geokalman.physics.quaternion import difference_point, from_matrix_point, multiply_point
+from geokalman.physics.quaternion import continuous, difference, exp, from_matrix, multiply
 
 J2 = 1.0826e-3
 REVOLUTION = 5668.0  # s, of the pointing sines: a fixed constant, not the orbit's
@@ -41,6 +44,39 @@ class Truth:
         return Truth(
             self.t[pick], self.r[pick], self.v[pick], self.q[pick], None if self.bias is None else self.bias[pick]
         )
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Raw data of both satellites, their orbits r, v (n, 3) at the whole seconds t (n,), and the truth where simulated.
+
+    accelerations : satellite -> (n, 3) [m/s^2] in the SRF from ACT1B, where there are any; edge : satellite -> those of
+    the seconds t at which the clock of its files was carried beyond its tables or across a break, where read.
+    """
+
+    t: Array
+    raw: dict[str, Raw]
+    r: dict[str, Array]
+    v: dict[str, Array]
+    truth: dict[str, Truth] = field(default_factory=dict)
+    accelerations: dict[str, Array] = field(default_factory=dict)
+    edge: dict[str, Array] = field(default_factory=dict)
+
+    @property
+    def duration(self) -> float:
+        """Length [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    def true_attitude(self, satellite: str, hz: int = 1) -> Array | None:
+        """True attitudes (n, 4) at `hz`, or None for real data."""
+        return self.truth[satellite].at(hz, self.duration).q if self.truth else None
+
+    def true_bias(self, satellite: str, axes: tuple[int, ...], hz: int = 1) -> Array | None:
+        """True gyro biases (n, 3) [rad/s] in SRF axes, as the gyros in use see them, at `hz`; None for real data."""
+        if not self.truth:
+            return None
+        of_axes = self.truth[satellite].at(hz, self.duration).bias[:, [axis - 1 for axis in axes]]
+        return np.linalg.lstsq(gyro_matrix(satellite, axes), of_axes.T, rcond=None)[0].T
 
 
 def grid(scenario: Scenario) -> Array:
@@ -134,73 +170,23 @@ def _kicks(t, events, kicks, tau, out):
 
 
 def attitude(r_self: Array, r_other: Array, angles: Array) -> Array:
-    """Attitudes q (n, 4), SRF to ICRF, of a satellite that points by `angles` (roll, pitch, yaw) off the line of
-    sight.
+    """Attitudes q (n, 4), SRF to ICRF, that point by `angles` (roll, pitch, yaw) off the line of sight.
+
+    q = q_LOS q_z(yaw) q_y(pitch) q_x(roll), since C_LOS->SRF = R1(roll) R2(pitch) R3(yaw) of passive rotations.
     """
-    q = np.empty((len(angles), 4))
-    _attitude(r_self, r_other, angles, q)
-    return q
-
-
-@njit(cache=True)
-def _attitude(r_self, r_other, angles, q):
-    """q = q_LOS q_z(yaw) q_y(pitch) q_x(roll), since C_LOS->SRF = R1(roll) R2(pitch) R3(yaw) of passive rotations."""
-    C, base, turn, work, axis = np.empty((3, 3)), np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    for k in range(len(angles)):
-        norm = 0.0
-        for i in range(3):
-            C[i, 0] = r_other[k, i] - r_self[k, i]
-            norm += C[i, 0] ** 2
-        for i in range(3):
-            C[i, 0] /= math.sqrt(norm)
-        _cross(C, 0, r_self[k], 1)
-        norm = math.sqrt(C[0, 1] ** 2 + C[1, 1] ** 2 + C[2, 1] ** 2)
-        for i in range(3):
-            C[i, 1] /= norm
-        C[0, 2] = C[1, 0] * C[2, 1] - C[2, 0] * C[1, 1]
-        C[1, 2] = C[2, 0] * C[0, 1] - C[0, 0] * C[2, 1]
-        C[2, 2] = C[0, 0] * C[1, 1] - C[1, 0] * C[0, 1]
-        from_matrix_point(C, base)
-        for i in (2, 1, 0):
-            for j in range(4):
-                axis[j] = 0.0
-            axis[0], axis[1 + i] = math.cos(0.5 * angles[k, i]), math.sin(0.5 * angles[k, i])
-            multiply_point(base, axis, turn)
-            for j in range(4):
-                base[j] = turn[j]
-        for j in range(4):
-            q[k, j] = base[j]
-    for k in range(1, len(angles)):
-        if q[k, 0] * q[k - 1, 0] + q[k, 1] * q[k - 1, 1] + q[k, 2] * q[k - 1, 2] + q[k, 3] * q[k - 1, 3] < 0.0:
-            for j in range(4):
-                q[k, j] = -q[k, j]
-
-
-@njit(cache=True)
-def _cross(C, column, vector, out):
-    C[0, out] = C[1, column] * vector[2] - C[2, column] * vector[1]
-    C[1, out] = C[2, column] * vector[0] - C[0, column] * vector[2]
-    C[2, out] = C[0, column] * vector[1] - C[1, column] * vector[0]
+    q = from_matrix(los_frame(r_self, r_other))
+    for i in (2, 1, 0):
+        q = multiply(q, exp(angles[:, i, None] * np.eye(3)[i]))
+    return continuous(q)
 
 
 def increments(q: Array) -> Array:
     """Rotation vectors Log(q_k* q_k+1) (n - 1, 3) [rad] between neighbouring attitudes (n, 4)."""
-    out = np.empty((len(q) - 1, 3))
-    _increments(q, out)
-    return out
-
-
-@njit(cache=True)
-def _increments(q, out):
-    work = np.empty(4)
-    for k in range(len(out)):
-        difference_point(q[k], q[k + 1], work, out[k])
+    return difference(q[:-1], q[1:])
 
 
 def fly(scenario: Scenario, rng: np.random.Generator) -> dict[str, Truth]:
-    """True motion of C (leading) and D on the 8 Hz grid; start anomaly and pointing are drawn from three children of
-    rng.
-    """
+    """True motion of C (leading) and D at 8 Hz; rng has children for the anomaly and each pointing."""
     t = grid(scenario)
     children = rng.spawn(3)
     anomaly = children[0].uniform(0, 2 * math.pi)

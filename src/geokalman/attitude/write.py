@@ -5,33 +5,37 @@ from __future__ import annotations
 import datetime
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from geokalman.attitude.header import END, EPOCH
 from geokalman.attitude.model import EPOCH_2019, Array, Raw
-from geokalman.attitude.products import GRACE_FO
+from geokalman.attitude.products import GRACE_FO, QUATERNION
 
+FLAGS = "00000000"
 OBC_OFFSET, OBC_DRIFT = 0.317, 3e-6  # s, s/s: receiver minus on-board time of the simulated computer
 CLOCK_OFFSET, CLOCK_DRIFT = -0.0797, -2.5e-7  # s, s/s: GPS minus receiver time, as large as in GRACE's files
 
 
-def write(folder: Path | str, product: str, satellite: str, date: str, columns: Mapping[str, np.ndarray]) -> Path:
+def write(folder: Path | str, product: str, satellite: str, date: str, columns: Mapping[str, Any]) -> Path:
     """Write one GRACE-FO file; floats by their shortest text that reads back the same, so nothing is lost.
 
-    columns : name -> (n,), all of the product's. Returns the path. Raises KeyError for a column that is missing.
+    columns : name -> (n,), or one value for all records; the satellite, the flags and errors of 0 need not be given.
+    Returns the path. Raises KeyError for a column that is missing.
     """
-    schema = GRACE_FO[product]
+    n = next(len(values) for values in columns.values() if np.ndim(values))
+    given = {"GRACEFO_id": satellite, "qualflg": FLAGS, **columns}
     texts = []
-    for column in schema:
-        values = np.asarray(columns[column.name])
-        if column.kind == "float":
-            texts.append([repr(value) for value in values.astype(float).tolist()])
-        else:
-            texts.append([str(value) for value in values.tolist()])
+    for column in GRACE_FO[product]:
+        default = {column.name: 0.0} if column.name.endswith("_err") else {}
+        values = np.broadcast_to((default | given)[column.name], (n,))
+        texts.append(
+            [repr(x) for x in values.astype(float).tolist()] if column.kind == "float" else map(str, values.tolist())
+        )
     path = Path(folder) / f"{product}_{date}_{satellite}_04.txt"
     with open(path, "w", encoding="utf-8") as stream:
-        stream.write(_header(product, satellite, date, len(texts[0])))
+        stream.write(_header(product, satellite, date, n))
         stream.writelines(" ".join(row) + "\n" for row in zip(*texts, strict=True))
     return path
 
@@ -89,108 +93,70 @@ def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
     Camera rows of one epoch come in changing order and only where the camera sees, as in real files.
     """
     Path(folder).mkdir(parents=True, exist_ok=True)
-    s, origin, date = raw.satellite, raw.t0, date_of(raw.t0)
-    paths = []
-    n = len(raw.t_camera)
+    origin, n = raw.t0, len(raw.t_camera)
     order = np.random.default_rng(0).permuted(np.tile(np.arange(3), (n, 1)), axis=1).ravel()
     epoch = np.repeat(np.arange(n), 3)
     there = np.isfinite(raw.q_camera[order, epoch, 0])
     order, epoch = order[there], epoch[there]
     whole, fraction = _tags(obc_time(raw.t_camera[epoch]), origin)
-    k = len(order)
-    zeros = np.zeros(k, int)
-    flags = np.full(k, "00000000")
-    quaternion = dict(
-        zip(("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"), raw.q_camera[order, epoch].T, strict=True)
-    )
-    columns = {
-        "rcvtime_intg": whole, "rcvtime_frac": fraction, "GRACEFO_id": np.full(k, s), "sca_id": order + 1,
-        "sca_desig": np.where(order == 0, "P", "S"), **quaternion, "nlocks": zeros + 20, "nstars": zeros + 30,
-        "sca_confid": zeros + 1,
-        "sca_null1": zeros, "sca_null2": zeros, "sca_mode": flags, "qualflg": flags,
+    cameras = {
+        "rcvtime_intg": whole, "rcvtime_frac": fraction, "sca_id": order + 1,
+        "sca_desig": np.where(order == 0, "P", "S"), **_quaternion(raw.q_camera[order, epoch]),
+        "nlocks": 20, "nstars": 30, "sca_confid": 1, "sca_null1": 0,
+        "sca_null2": 0, "sca_mode": FLAGS,
     }  # fmt: skip
-    paths.append(write(folder, "SCA1A", s, date, columns))
     there = np.isfinite(raw.t_gyro.T) & np.isfinite(raw.gyro.T)  # axes have unequal counts, padded with NaN
     order = np.argsort(raw.t_gyro.T[there], kind="stable")
     whole, fraction = _tags(obc_time(raw.t_gyro.T[there][order]), origin)
-    k = len(whole)
-    columns = {
-        "time_intg": whole, "time_frac": fraction, "time_ref": np.full(k, "O"), "GRACEFO_id": np.full(k, s),
-        "gyro_id": np.nonzero(there)[1][order] + 1, "FiltAng": raw.gyro.T[there][order], "qualflg": np.full(k,
-        "00000000"),
+    gyros = {
+        "time_intg": whole, "time_frac": fraction, "time_ref": "O", "gyro_id": np.nonzero(there)[1][order] + 1,
+        "FiltAng": raw.gyro.T[there][order],
     }  # fmt: skip
-    paths.append(write(folder, "IMU1A", s, date, columns))
-    q = raw.q_qsa
-    columns = {
-        "gps_time": np.zeros(3, int), "GRACEFO_id": np.full(3, s), "sca_id": np.array([1, 2, 4]), "quatangle": q[:, 0],
-        "quaticoeff": q[:, 1],
-        "quatjcoeff": q[:, 2], "quatkcoeff": q[:, 3], "qual_rss": np.zeros(3), "qualflg": np.full(3, "00000000"),
-    }  # fmt: skip
-    paths.append(write(folder, "QSA1B", s, date, columns))
+    mounting = {"gps_time": 0, "sca_id": np.array([1, 2, 4]), **_quaternion(raw.q_qsa), "qual_rss": 0.0}
     first, last = np.nanmin(raw.t_gyro), np.nanmax(raw.t_gyro)
     obc = np.arange(np.floor(first) - 1, np.ceil(last) + 2)
     nano = np.round((obc * (1.0 + OBC_DRIFT) + OBC_OFFSET) * 1e9).astype(np.int64)
-    k = len(obc)
-    columns = {
-        "obdh_time": origin + obc.astype(np.int64), "GRACEFO_id": np.full(k, s), "TS_suppid": np.full(k, 3),
-        "gpstime_intg": origin + nano // 10**9, "gpstime_frac": nano % 10**9, "first_icu_blknr": np.arange(k),
-        "final_icu_blknr": np.arange(k), "qualflg": np.full(k, "00000000"),
+    block = np.arange(len(obc))
+    pairs = {
+        "obdh_time": origin + obc.astype(np.int64), "TS_suppid": 3, "gpstime_intg": origin + nano // 10**9,
+        "gpstime_frac": nano % 10**9, "first_icu_blknr": block, "final_icu_blknr": block,
     }  # fmt: skip
-    paths.append(write(folder, "TIM1B", s, date, columns))
     rcv = np.arange(np.floor(first / 10) - 1, np.ceil(last / 10) + 2) * 10
-    k = len(rcv)
-    columns = {
-        "rcv_time": origin + rcv.astype(np.int64), "GRACEFO_id": np.full(k, s), "clock_id": np.ones(k, int),
-        "eps_time": CLOCK_OFFSET + CLOCK_DRIFT * rcv, "eps_err": np.full(k, 1.4e-10), "eps_drift": np.full(k,
-        CLOCK_DRIFT),
-        "drift_err": np.full(k, 2.6e-11), "qualflg": np.full(k, "00000000"),
+    clock = {
+        "rcv_time": origin + rcv.astype(np.int64), "clock_id": 1, "eps_time": CLOCK_OFFSET + CLOCK_DRIFT * rcv,
+        "eps_err": 1.4e-10, "eps_drift": CLOCK_DRIFT, "drift_err": 2.6e-11,
     }  # fmt: skip
-    paths.append(write(folder, "CLK1B", s, date, columns))
-    return paths
+    files = {"SCA1A": cameras, "IMU1A": gyros, "QSA1B": mounting, "TIM1B": pairs, "CLK1B": clock}
+    return [write(folder, product, raw.satellite, date_of(origin), columns) for product, columns in files.items()]
+
+
+def _quaternion(q: Array) -> dict[str, Array]:
+    return dict(zip(QUATERNION, q.T, strict=True))
+
+
+def _by_second(folder: Path | str, product: str, satellite: str, t: Array, origin: int, columns: Mapping) -> Path:
+    times = {"gps_time": origin + np.round(t).astype(np.int64)}
+    return write(folder, product, satellite, date_of(origin), {**times, **columns})
 
 
 def write_orbit(folder: Path | str, satellite: str, t: Array, r: Array, v: Array, origin: int = EPOCH_2019) -> Path:
     """GNI1B of one satellite: t (n,) whole seconds after the origin, r (n, 3) [m], v (n, 3) [m/s] in the ICRF."""
-    n = len(t)
-    names = ("xpos", "ypos", "zpos"), ("xvel", "yvel", "zvel")
-    columns: dict[str, np.ndarray] = {
-        "gps_time": origin + np.round(t).astype(np.int64),
-        "GRACEFO_id": np.full(n, satellite),
-        "coord_ref": np.full(n, "I"),
-    }
-    for group, values in zip(names, (r, v), strict=True):
-        for i, name in enumerate(group):
-            columns[name], columns[f"{name}_err"] = values[:, i], np.zeros(n)
-    columns["qualflg"] = np.full(n, "00000000")
-    return write(folder, "GNI1B", satellite, date_of(origin), columns)
+    names = ("xpos", "ypos", "zpos", "xvel", "yvel", "zvel")
+    states = dict(zip(names, np.hstack([r, v]).T, strict=True))
+    return _by_second(folder, "GNI1B", satellite, t, origin, {"coord_ref": "I", **states})
 
 
 def write_accelerations(folder: Path | str, satellite: str, t: Array, a_srf: Array, origin: int = EPOCH_2019) -> Path:
-    """ACT1B of one satellite: linear accelerations a_srf (n, 3) [m/s^2] in the SRF at whole seconds after the
-    origin.
-    """
-    n = len(t)
-    columns: dict[str, np.ndarray] = {
-        "gps_time": origin + np.round(t).astype(np.int64),
-        "GRACEFO_id": np.full(n, satellite),
-        "qualflg": np.full(n, "00000000"),
-    }
-    for i, axis in enumerate("xyz"):
-        columns |= {f"lin_accl_{axis}": a_srf[:, i], f"ang_accl_{axis}": np.zeros(n), f"acl_{axis}_res": np.zeros(n)}
-    return write(folder, "ACT1B", satellite, date_of(origin), columns)
+    """ACT1B of one satellite: accelerations a_srf (n, 3) [m/s^2] at whole seconds after the origin."""
+    columns: dict[str, Any] = {}
+    for axis, a in zip("xyz", a_srf.T, strict=True):
+        columns |= {f"lin_accl_{axis}": a, f"ang_accl_{axis}": 0.0, f"acl_{axis}_res": 0.0}
+    return _by_second(folder, "ACT1B", satellite, t, origin, columns)
 
 
 def write_attitude(
     folder: Path | str, satellite: str, t: Array, q: Array, used: np.ndarray, sigma: Array, origin: int = EPOCH_2019
 ) -> Path:
-    """SCA1B of one satellite: attitudes q (n, 4), SRF to ICRF; used : bit mask of the cameras (16 is added for the
-    gyros).
-    """
-    n = len(t)
-    quaternion = dict(zip(("quatangle", "quaticoeff", "quatjcoeff", "quatkcoeff"), q.T, strict=True))
-    columns = {
-        "gps_time": origin + np.round(t).astype(np.int64), "GRACEFO_id": np.full(n, satellite),
-        "sca_id": np.asarray(used) + 16, **quaternion,
-        "qual_rss": sigma, "qualflg": np.full(n, "00000000"),
-    }  # fmt: skip
-    return write(folder, "SCA1B", satellite, date_of(origin), columns)
+    """SCA1B of one satellite: attitudes q (n, 4), SRF to ICRF; used : cameras (16 is added for gyros)."""
+    columns = {"sca_id": np.asarray(used) + 16, **_quaternion(q), "qual_rss": sigma}
+    return _by_second(folder, "SCA1B", satellite, t, origin, columns)
