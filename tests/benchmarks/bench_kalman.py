@@ -43,7 +43,7 @@ def range_rate(t, x, u, p, h, H, R):
 
 def h(x, t):
     r, v = x[:3], x[3:6]
-    return r @ v / np.sqrt(r @ r)
+    return np.array([r @ v / np.sqrt(r @ r)])
 
 
 def H(x, t):

@@ -8,7 +8,7 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from geokalman.kalman import Model, Sensor, gaussian, loop, run, smoothing, white_jerk
+from geokalman.kalman import Model, Sensor, adaptive, gaussian, loop, run, smoothing, white_jerk
 
 
 def _decimal(array) -> np.ndarray:
@@ -140,6 +140,7 @@ def interpreted(monkeypatch):
                 if hasattr(value, "py_func"):
                     monkeypatch.setattr(module, key, value.py_func)
     monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "compiled", lambda sensors: loop.loop)
+    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "judgement", lambda: adaptive.adapt_step)
     monkeypatch.setattr(smoothing, "compiled_error_rts_loop", lambda: smoothing.error_rts_loop)
 
 

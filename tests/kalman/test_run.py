@@ -306,8 +306,9 @@ def test_a_python_function_that_loses_its_numbers_later_is_told(what, kind):
     message = rf"{what}\(x\) is not finite at epoch 3 \(t = 3 s\)"
     if (kind, what) == ("unscented", "h"):
         message = "innovation covariance .* at epoch 3"
+    sensor = Sensor(np.ones((6, 1)), [[1.0]], h, lambda x, t: np.eye(1))
     with pytest.raises(ValueError, match=message):
-        run(gaussian([0.0], [1.0]), np.arange(6.0), model, [Sensor(np.ones((6, 1)), [[1.0]], h, lambda x, t: np.eye(1))], kind)
+        run(gaussian([0.0], [1.0]), np.arange(6.0), model, [sensor], kind)
 
 
 @pytest.mark.parametrize(

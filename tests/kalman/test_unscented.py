@@ -93,7 +93,8 @@ def test_is_the_linear_filter_and_smoother_on_a_linear_problem(problem, close, s
     p = problem
     model = Model(f=lambda x, t0, t1: p.transition(t1 - t0)[0] @ x, Q=lambda t0, t1: p.transition(t1 - t0)[1])
     sensor = Sensor(p.z, p.R, lambda x, t: p.H[index(p.t, t)] @ x)
-    ours = run(p.prior, p.t, model, [sensor], "unscented", **dict(zip(("alpha", "beta", "kappa"), scaling, strict=True)))
+    alpha, beta, kappa = scaling
+    ours = run(p.prior, p.t, model, [sensor], "unscented", alpha=alpha, beta=beta, kappa=kappa)
     ref = p.filter()
     close(ours.mean, ours.cov, ref.mean, ref.cov, 1e-10)
     close(ours.predicted_mean, ours.predicted_cov, ref.predicted_mean, ref.predicted_cov, 1e-10)
@@ -235,7 +236,9 @@ def test_smoother_of_a_pendulum_is_sarkkas(scaling):
     z[10:14] = np.nan
     model = Model(f=swing, Q=lambda t0, t1: 0.01 * (t1 - t0) * np.eye(2))
     sensor = Sensor(z, [[0.01]], lambda x, now: np.sin(x[:1]))
-    course = run(gaussian([1.6, 0.0], [0.1, 0.1]), t, model, [sensor], "unscented", **dict(zip(("alpha", "beta", "kappa"), scaling, strict=True)))
+    alpha, beta, kappa = scaling
+    prior = gaussian([1.6, 0.0], [0.1, 0.1])
+    course = run(prior, t, model, [sensor], "unscented", alpha=alpha, beta=beta, kappa=kappa)
     ours = smooth(course)
     Wm, Wc = weights(2, *scaling)
     mean, cov = course.mean[-1], course.cov[-1]

@@ -15,27 +15,34 @@ The unwhitened forms, kept below as `trace_factor` and `norm_ratio`, are ruled b
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 
 from geokalman.kalman.checks import scalar, whole
 from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper
 from geokalman.kalman.linear import whiten
+from geokalman.kalman.model import matrix, vector
 from geokalman.kalman.robust import FLOOR, equivalent_weights_step, igg3, innovation_weights_step, thresholds
 
 HOOKS = {
     "ratio": 1, "three_part": 2, "two_part": 3, "trace": 4, "norm": 5, "innovations": 6, "discrepancy": 7, "robust": 8,
     "literal": 9,
 }  # fmt: skip
-"""Hooks of `run` by name. Of the innovation: `ratio` (17), `three_part` and `two_part` factors of the predicted residual,
-unwhitened `trace` and `norm`, and `innovations`, IGG-III weights without a factor. Of the states that one epoch
-determines: the three-part factor of `discrepancy` (18), with equivalent weights as well `robust` (19)-(21), and
+"""Hooks of `run` by name. Of the innovation: `ratio` (17), `three_part` and `two_part` factors of the predicted
+residual, unwhitened `trace` and `norm`, and `innovations`, IGG-III weights without a factor. Of the states that one
+epoch determines: the three-part factor of `discrepancy` (18), with equivalent weights as well `robust` (19)-(21), and
 unwhitened `literal`."""
 _RATIO, _THREE_PART, _TWO_PART, _TRACE, _NORM, _INNOVATIONS, _DISCREPANCY, _ROBUST, _LITERAL = range(1, 10)
 PASSES = 4
 """Iterations of the equivalent weights."""
+_real, _whole = types.float64, types.int64
+JUDGE = types.Tuple((_whole, _real))(
+    _whole, matrix, vector, matrix, matrix, _real, _real, _real, _whole, vector, vector
+)  # fmt: skip
+"""Signature of `adapt_step` and `no_judgement`."""
 
 
 @njit(cache=True)
@@ -170,9 +177,12 @@ def inflate_step(P: np.ndarray, alpha: float) -> None:
 class Adaptive:
     """A hook of `run`: judge each prediction, or each observation, by the innovation, before the update.
 
-    by : a name of `HOOKS`; k0, k1 : thresholds of factor and weights; floor : smallest factor; states : number of leading
-    states that the observations of one epoch determine, for the hooks that solve for them (others ignore it).
+    by : a name of `HOOKS`; k0, k1 : thresholds of factor and weights; floor : smallest factor; states : number of
+    leading states that the observations of one epoch determine, for the hooks that solve for them (others ignore it).
     Raises ValueError for an unknown name, thresholds out of order and a floor outside (0, 1].
+
+    >>> Adaptive(by="two_part", k0=2.0).floor
+    0.001
     """
 
     by: str
@@ -191,7 +201,18 @@ class Adaptive:
             raise ValueError(f"states = {self.states}: at least one state must be determined")
 
 
-@njit(cache=True)
+@functools.cache
+def judgement():
+    """The hooks as machine code, which only a run with a hook has to wait for."""
+    return njit([JUDGE], cache=True)(adapt_step)
+
+
+@njit(JUDGE, cache=True)
+def no_judgement(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
+    """Stand in for `adapt_step` in a run without a hook."""
+    return 1, 1.0
+
+
 def adapt_step(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
     """Judge one epoch: P becomes P / alpha, R_ab becomes R_ab / sqrt(w_a w_b), both in place.
 
@@ -243,5 +264,6 @@ def adapt_step(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
     for a in range(m):
         for b in range(m):
             if R[a, b] != 0.0:
-                R[a, b] /= max(weights[a], FLOOR) if a == b else np.sqrt(max(weights[a], FLOOR) * max(weights[b], FLOOR))
+                w, v = max(weights[a], FLOOR), max(weights[b], FLOOR)
+                R[a, b] /= w if a == b else np.sqrt(w * v)
     return 0, alpha

@@ -36,6 +36,9 @@ def nees(error, cov) -> np.ndarray:
     error : (..., n) estimate minus truth; cov : (..., n, n). Returns (...).
     Raises ValueError for shapes that do not agree or values that are not finite, NotPositiveDefinite with the first
     covariance (counted over the leading axes) that has no root of full rank.
+
+    >>> nees([3.0, 4.0], [[9.0, 0.0], [0.0, 4.0]]).item()
+    5.0
     """
     e, P = plain("error", error), plain("cov", cov)
     if e.ndim < 1 or P.shape != (*e.shape, e.shape[-1]):
@@ -64,6 +67,10 @@ def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
     """Normalised innovation squared of each epoch and its degrees of freedom, the components that are not NaN.
 
     whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...), both 0 in a gap.
+
+    >>> values, dof = nis([[1.0, 2.0], [float("nan"), 3.0]])
+    >>> values.tolist(), dof.tolist()
+    ([5.0, 9.0], [2, 1])
     """
     w = plain("whitened", whitened, missing=True)
     if np.isinf(w).any():
@@ -78,6 +85,10 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     divided by the number of values with dof > 0.
     Raises ValueError where no degree of freedom is left or probability is not inside (0, 1).
     Source: Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications, section 5.4.
+
+    >>> low, high = chi_square_bounds([4] * 100)  # a hundred epochs of four components
+    >>> round(low, 2), round(high, 2)
+    (3.46, 4.57)
     """
     probability = scalar("probability", probability)
     if not 0.0 < probability < 1.0:
@@ -103,6 +114,10 @@ def whiteness(whitened, lags: int) -> Whiteness:
     whitened : (N, m), NaN where missing; lags : largest lag, 1 <= lags < N.
     Raises ValueError for another shape, for lags out of range and where a lag has no pair.
     Source: Ljung and Box (1978), Biometrika 65, 297-303.
+
+    >>> w = np.random.default_rng(1).standard_normal((500, 1))
+    >>> whiteness(w, 10).p_value > 0.01 > whiteness(np.cumsum(w, axis=0), 10).p_value
+    True
     """
     w = array("whitened", whitened, None, None, missing=True)
     N, m = w.shape
@@ -130,6 +145,10 @@ def monte_carlo(
     function
     where a process pool is to send it); seeds : e.g. range(seed0, seed0 + count); executor : any
     concurrent.futures.Executor, None runs here. An error of a run is raised here.
+
+    >>> draws = monte_carlo(lambda rng: rng.standard_normal(), range(7, 10))
+    >>> draws[1] == np.random.default_rng(8).standard_normal()
+    True
     """
     job = partial(_seeded, run)
     return list(executor.map(job, seeds)) if executor else [job(seed) for seed in seeds]

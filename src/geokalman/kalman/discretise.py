@@ -20,6 +20,10 @@ def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
     Q(2 h) = Phi Q Phi' + Q: exp(-F h), which van Loan's block holds, would swamp Q.
     Raises ValueError for wrong shapes and for h not positive.
     Source: van Loan (1978), IEEE Trans. Autom. Control 23, 395-404; grace-fusion (14), (15).
+
+    >>> Phi, Q = van_loan([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 3.0]], 2.0)  # white acceleration
+    >>> Phi.round(12).tolist(), Q.round(12).tolist()
+    ([[1.0, 2.0], [0.0, 1.0]], [[8.0, 6.0], [6.0, 6.0]])
     """
     h, F = _positive("h", h), plain("F", F)
     n = len(F) if F.ndim else 1
@@ -46,6 +50,10 @@ def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tup
     h : step [s]; q : power density of that derivative [m^2 s^(1 - 2 p)], the same on each axis; axes : 1 to 3.
     Returns Phi, Q : (order axes, order axes) for the state [position; velocity; ...], each part with all its axes.
     Raises ValueError for an order or a number of axes below 1, for h not positive, for q negative.
+
+    >>> Phi, Q = integrated_white_noise(2, 2.0, 3.0)
+    >>> Q.tolist()
+    [[8.0, 6.0], [6.0, 6.0]]
     """
     h, q = _positive("h", h), scalar("q", q)
     order, axes = whole("order", order), whole("axes", axes)
@@ -69,6 +77,10 @@ def white_jerk(h: float, q: float, axes: int = 3) -> tuple[np.ndarray, np.ndarra
     Q = q [[h^5/20, h^4/8, h^3/6], [h^4/8, h^3/3, h^2/2], [h^3/6, h^2/2, h]] (x) I_axes.
     h : step [s]. Returns Phi, Q : (3 axes, 3 axes). Raises ValueError as `integrated_white_noise`.
     Source: grace-fusion (50), (51).
+
+    >>> Phi, Q = white_jerk(10.0, 1.0, axes=1)
+    >>> Phi.tolist()
+    [[1.0, 10.0, 50.0], [0.0, 1.0, 10.0], [0.0, 0.0, 1.0]]
     """
     return integrated_white_noise(3, h, q, axes)
 
@@ -81,6 +93,10 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
     h : step [s]; tau : time constant [s]; sigma : standard deviation of x [its unit]; order >= 1.
     Returns Phi, Q : (order, order) for the state [x; x'; ...]. Raises ValueError where h, tau or order is not positive.
     Source: Gelb (1974), Applied Optimal Estimation, section 2.2.
+
+    >>> Phi, Q = gauss_markov(60.0, tau=600.0, sigma=2.0)
+    >>> round(float(Phi[0, 0] ** 2 * 4.0 + Q[0, 0]), 12)  # it is stationary
+    4.0
     """
     h, tau, sigma = _positive("h", h), _positive("tau", tau), scalar("sigma", sigma)
     order = whole("order", order)

@@ -14,6 +14,11 @@ def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
     mean = f,   cov = F cov F' + Q.
     f : (n,) the propagated mean; F : (n, n) = df/dx; Q : (n, n), positive semidefinite. Returns the next prior.
     Raises ValueError for wrong shapes, values that are not finite, a Q that is no covariance.
+
+    >>> from geokalman.kalman import gaussian
+    >>> x = gaussian([2.0], [0.25])
+    >>> predict(x, x.mean**2, [2.0 * x.mean], [[0.0]]).cov.item()
+    4.0
     """
     x, P = gaussian(*posterior)
     n = len(x)
@@ -30,6 +35,12 @@ def update(prior: Gaussian, z, h, H, R) -> tuple[Gaussian, Innovation]:
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S.
     Source: grace-fusion (18)-(20).
+
+    >>> from geokalman.kalman import gaussian
+    >>> x = gaussian([2.0], [0.25])
+    >>> posterior, innovation = update(x, [5.0], x.mean**2, [2.0 * x.mean], [[4.0]])
+    >>> posterior.mean.item(), posterior.cov.item()
+    (2.125, 0.125)
     """
     x, P = gaussian(*prior)
     z = array("z", z, None, missing=True)

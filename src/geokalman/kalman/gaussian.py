@@ -76,8 +76,8 @@ class Trajectory:
     t : (N,) [s]; predicted_mean, mean : (N, n) before and after the update; predicted_cov, cov : (N, n, n);
     whitened : (N, m) innovations, NaN where missing; step : (N - 1,) index into transition, process_noise : (K, n, n)
     for the step from epoch k to k + 1 (an extended or unscented filter keeps its linearisation there);
-    alpha : (N,) factors and weights : (N, m) of an adaptive hook, else None. On a manifold the means have as many columns
-    as the state needs, and n counts the components of its error.
+    alpha : (N,) factors (of several sensors the last one's) and weights : (N, m) of an adaptive hook, else None. On a
+    manifold the means have as many columns as the state needs, and n counts the components of its error.
     Raises ValueError for arrays that carry more than numbers or do not fit one another.
     """
 
@@ -146,6 +146,9 @@ def gaussian(mean, cov) -> Gaussian:
     mean : (n,); cov : (n, n), or (n,) variances for a diagonal covariance.
     Raises ValueError for wrong shapes, values that are not finite and an unsymmetric cov; NotPositiveDefinite for a cov
     with a negative eigenvalue.
+
+    >>> gaussian([1.0, 2.0], [4.0, 9.0]).cov.tolist()
+    [[4.0, 0.0], [0.0, 9.0]]
     """
     m, cov = array("mean", mean, None), plain("covariance", cov)
     return Gaussian(m, covariance("covariance", np.diag(cov) if cov.ndim == 1 else cov, len(m)))

@@ -282,10 +282,16 @@ def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
     """Smooth a linear filter's trajectory by an information filter that runs backward over the same observations.
 
     P_s = (P^-1 + Y)^-1,   x_s = x + P_s y,   (y, Y) the information on x_k - x in the observations after k.
-    course : the Trajectory of `filter_linear`; z, H, R : as given to it, R positive definite.
+    course : the Trajectory of `run`; z, H, R : of its one linear sensor, R positive definite.
     Returns the Smoothed states, equal to those of `smoothing.smooth`; no predicted covariance is inverted.
     Raises ValueError for wrong input, NotPositiveDefinite with the epoch.
     Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
+
+    >>> from geokalman.kalman import Model, Sensor, gaussian, run
+    >>> z, walk = [[1.0], [np.nan], [3.0]], Model(F=[[1.0]], Q=[[1.0]])
+    >>> course = run(gaussian([0.0], [1e6]), [0.0, 1.0, 2.0], walk, [Sensor(z, [[1.0]], H=[[1.0]])])
+    >>> smooth_two_filter(course, z, [[1.0]], [[1.0]]).mean[1].round(3).tolist()
+    [2.0]
     """
     N, n = course.mean.shape
     z, H, R = _observations(z, H, R, N, n)
@@ -305,11 +311,15 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     """Smooth a linear model by two information filters, with no prior at all where none is given.
 
     P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b); a second pass, about the first solution, removes its rounding.
-    t, z, H, R, transition : as in `filter_linear`, R positive definite, Phi invertible; prior : Information at t[0]
-    before its observation, None for a diffuse one.
+    t : (N,); z, H, R : as of a linear `Sensor`, R positive definite; transition : (Phi, Q) or a function of the step,
+    Phi invertible; prior : Information at t[0] before its observation, None for a diffuse one.
     Returns the Smoothed states. Raises ValueError for wrong input, NotPositiveDefinite with the first epoch whose state
     the observations leave undetermined.
     Source: Fraser and Potter (1969), IEEE Trans. Autom. Control 14, 387-390.
+
+    >>> z = [[1.0], [np.nan], [3.0]]  # nothing is known before
+    >>> smooth_information([0.0, 1.0, 2.0], z, [[1.0]], [[1.0]], ([[1.0]], [[1.0]])).mean[1].round(12).tolist()
+    [2.0]
     """
     t = epochs(t)
     H = plain("H", H)

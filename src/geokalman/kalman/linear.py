@@ -266,6 +266,10 @@ def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
     Phi, Q : (n, n), Q positive semidefinite. Returns the prior of the next epoch.
     Raises ValueError for wrong shapes, values that are not finite, a Q that is no covariance.
     Source: grace-fusion (16), (17).
+
+    >>> from geokalman.kalman import gaussian
+    >>> predict(gaussian([1.0, 2.0], [1.0, 1.0]), [[1.0, 3.0], [0.0, 1.0]], np.zeros((2, 2))).mean.tolist()
+    [7.0, 2.0]
     """
     x, P = gaussian(*posterior)
     n = len(x)
@@ -281,6 +285,11 @@ def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S or R.
     Source: grace-fusion (18)-(20).
+
+    >>> from geokalman.kalman import gaussian
+    >>> posterior, innovation = update(gaussian([0.0], [3.0]), [2.0], [[1.0]], [[1.0]])
+    >>> posterior.mean.item(), posterior.cov.item(), innovation.whitened.item()
+    (1.5, 0.75, 1.0)
     """
     x, P = gaussian(*prior)
     z = array("z", z, None, missing=True)
@@ -297,7 +306,7 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
     which.
 
     transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
-    (Phi, Q), called once for each different step; t : (N,) checked epochs. Raises ValueError for matrices of a wrong shape.
+    (Phi, Q), called once for each different step; t : (N,) checked epochs. Raises ValueError for wrong shapes.
     """
     count = len(t) - 1
     if callable(transition):

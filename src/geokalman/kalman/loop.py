@@ -15,7 +15,7 @@ from numba import njit, types
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import register_jitable
 
-from geokalman.kalman.adaptive import adapt_step
+from geokalman.kalman.adaptive import JUDGE
 from geokalman.kalman.dense import copy, copy_state, copy_vector, solve_upper
 from geokalman.kalman.linear import observed_update_step, predict_step, rows_seen, scalar_update_step, update_step
 from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, vector
@@ -156,14 +156,14 @@ def _extended_update(x, P, residual, H, R, whitened):
     return status
 
 
-@njit(cache=True)
-def _adapted_update(x, P, residual, H, R, options, whitened, weights):
+@register_jitable
+def _adapted_update(judge, x, P, residual, H, R, options, whitened, weights):
     """As `_extended_update`, after the hook judged prediction and observations. Returns (status, factor)."""
     seen, residual, H, R = rows_seen(residual, H, R)
     white, weight = np.empty(seen.size), np.empty(seen.size)
     for b in range(seen.size):
         weight[b] = 1.0
-    status, alpha = adapt_step(
+    status, alpha = judge(
         options.adapt, P, residual, H, R, options.k0, options.k1, options.floor, options.states, white, weight
     )
     if status == 0:
@@ -176,7 +176,7 @@ def _adapted_update(x, P, residual, H, R, options, whitened, weights):
 
 @njit(cache=True)
 def _unscented_update(x, P, U, gamma, z, R, c, w, whitened):
-    """Condition on the components of z that are not NaN, given the images gamma (2 n + 1, m) of all. Returns a status."""
+    """Condition on the components of z that are not NaN, given all images gamma (2 n + 1, m). Returns a status."""
     m = z.size
     if not _any_missing(z):
         return unscented_update_step(x, P, U, gamma, z, R, c, w, np.empty((m, m)), whitened)
@@ -270,8 +270,8 @@ def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R
     return INNOVATION, 0
 
 
-def loop(propagate, observe, retract, difference, t, motion, sensing, options, course):
-    """Filter all epochs. Returns (epoch, what, row): what failed, one of the codes above, in which row; or (-1, 0, 0)."""
+def loop(propagate, observe, retract, difference, judge, t, motion, sensing, options, course):
+    """Filter all epochs. Returns (epoch, what, row): what failed, a code from above, in which row; or (-1, 0, 0)."""
     N, M = sensing.z.shape
     n = course.cov.shape[1]
     points, nothing = 2 * n + 1, np.empty((0, 0))
@@ -357,7 +357,7 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
                 _subtracted(z, h)
                 if options.adapt > 0:
                     weights = course.weights[k, first:last]
-                    status, course.alpha[k] = _adapted_update(x, P, h, H, R, options, white, weights)
+                    status, course.alpha[k] = _adapted_update(judge, x, P, h, H, R, options, white, weights)
                 else:
                     status = _extended_update(x, P, h, H, R, white)
                 what = INNOVATION
@@ -374,9 +374,9 @@ def loop(propagate, observe, retract, difference, t, motion, sensing, options, c
 _jitable = register_jitable(loop)
 
 
-def _four(propagate, a, b, c, d, retract, difference, t, motion, sensing, options, course):
+def _four(propagate, a, b, c, d, retract, difference, judge, t, motion, sensing, options, course):
     """Run `loop` with its tuple of functions made inside: numba warns of each that comes from outside."""
-    return _jitable(propagate, (a, b, c, d), retract, difference, t, motion, sensing, options, course)
+    return _jitable(propagate, (a, b, c, d), retract, difference, judge, t, motion, sensing, options, course)
 
 
 @functools.cache
@@ -390,8 +390,8 @@ def compiled():
     course = types.NamedTuple([table, stack, table, stack, table, vector, table], Course)
     observe = [types.FunctionType(OBSERVE)] * FUNCTIONS
     signature = types.UniTuple(whole, 3)(
-        types.FunctionType(PROPAGATE), *observe, types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), vector,
-        motion, sensing, options, course,
+        types.FunctionType(PROPAGATE), *observe, types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE),
+        types.FunctionType(JUDGE), vector, motion, sensing, options, course,
     )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

@@ -100,7 +100,7 @@ class Model:
     """Motion x_next = f(x) + w, w ~ N(0, Q), in one of three forms.
 
     linear   : F, Q matrices (n, n), stacks (N - 1, n, n), or F(h), which gives the pair for a step of h [s]
-    Python   : f(x, t0, t1) : (n,), F(x, t0, t1) : (n, n) = df/dx (extended filter only), Q a matrix, a stack or Q(t0, t1)
+    Python   : f(x, t0, t1) : (n,), F(x, t0, t1) : (n, n) = df/dx (extended filter only), Q matrix, stack or Q(t0, t1)
     compiled : f with the signature `PROPAGATE`, inputs : (N - 1, i), params : (p,); Q is what f finds in its argument
                Q, and may write; F is not given
     manifold : where the state is no vector (extended filter only); the prior's cov is then that of the error

@@ -136,6 +136,9 @@ def redundancy_numbers(N, variance) -> np.ndarray:
 
     N : (m, n); variance : (m,), positive. Returns (m,), between 0 (never seen) and 1; their sum is m - n.
     Raises ValueError for a design that leaves a direction undetermined.
+
+    >>> redundancy_numbers([[1.0], [1.0], [1.0], [1.0]], [1.0, 1.0, 1.0, 1.0]).tolist()  # a mean of four
+    [0.75, 0.75, 0.75, 0.75]
     """
     N = array("N", N, None, None)
     variance = positive("variance", array("variance", variance, len(N)))
@@ -154,6 +157,9 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     """Chi-square gate: does V' S^-1 V lie below the quantile of its degrees of freedom?
 
     innovation : of an update; missing components do not count. Raises ValueError for a probability outside (0, 1).
+
+    >>> gate(Innovation(np.zeros(2), np.eye(2), np.array([1.0, -2.0])))
+    True
     """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")

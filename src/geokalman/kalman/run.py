@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numba.extending import is_jitted
 
-from geokalman.kalman.adaptive import HOOKS, Adaptive
+from geokalman.kalman.adaptive import HOOKS, Adaptive, judgement, no_judgement
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, scalar, whole
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory, gaussian
 from geokalman.kalman.linear import steps
@@ -48,6 +48,12 @@ def run(
     Raises ValueError for wrong input; NotPositiveDefinite, or Stopped where a compiled function says so, both with the
     epoch and the course so far.
     Source: grace-fusion (16)-(20), (26)-(43).
+
+    >>> from geokalman.kalman import Model, Sensor, gaussian
+    >>> walk, sensor = Model(F=[[1.0]], Q=[[1.0]]), Sensor([[2.0], [np.nan]], [[1.0]], H=[[1.0]])
+    >>> course = run(gaussian([0.0], [3.0]), [0.0, 1.0], walk, [sensor])
+    >>> course.mean[:, 0].tolist(), course.cov[:, 0, 0].tolist()
+    ([1.5, 1.5], [0.75, 1.75])
     """
     if kind not in ("extended", "unscented"):
         raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented")
@@ -63,21 +69,22 @@ def run(
     if adaptive is not None:
         _judgeable(adaptive, sensing.kind, n)
     if nx != n and LINEAR in sensing.kind:
-        raise ValueError(f"sensor {list(sensing.kind).index(LINEAR)} is linear: where a state of {nx} numbers has an error of {n}, give h")
+        i = list(sensing.kind).index(LINEAR)
+        raise ValueError(f"sensor {i} is linear: where a state of {nx} numbers has an error of {n}, give h")
     judged = 0 if adaptive is None else N
     course = Course(
         np.empty((N, nx)), np.empty((N, n, n)), np.empty((N, nx)), np.empty((N, n, n)), np.full((N, M), np.nan),
         np.ones(judged), np.full((judged, M), np.nan),
     )  # fmt: skip
     course.predicted_mean[0], course.predicted_cov[0] = prior
+    judge = no_judgement if adaptive is None else judgement()
     machine = space.compiled and len(observe) <= FUNCTIONS and all(map(is_jitted, (propagate, *observe)))
+    arrays = (judge, t, motion, sensing, options, course)
     if machine:
         observe += (no_observation,) * (FUNCTIONS - len(observe))
-        functions = (propagate, *observe, space.retract, space.difference)
-        found = compiled()(*functions, t, motion, sensing, options, course)
+        epoch, what, row = compiled()(propagate, *observe, *space.kernels(), *arrays)
     else:
-        found = loop(propagate, observe, *space.kernels(), t, motion, sensing, options, course)
-    epoch, what, row = found
+        epoch, what, row = loop(propagate, observe, *space.kernels(), *arrays)
     last = N if what == 0 else epoch if what == MODEL else epoch + 1  # beyond, nothing was computed
     trajectory = Trajectory(
         t[:last], *(part[:last] for part in course[:5]), motion.Phi, motion.Q, motion.step[: max(last - 1, 0)],
@@ -96,7 +103,8 @@ def run(
 def _judgeable(hook: Adaptive, kinds: np.ndarray, n: int) -> None:
     """Raise ValueError where an adaptive hook cannot judge."""
     if UNSCENTED in kinds:
-        raise ValueError(f"an adaptive hook judges linearised observations: sensor {list(kinds).index(UNSCENTED)} is unscented")
+        i = list(kinds).index(UNSCENTED)
+        raise ValueError(f"an adaptive hook judges linearised observations: sensor {i} is unscented")
     if hook.states > n and HOOKS[hook.by] >= HOOKS["discrepancy"]:
         raise ValueError(f"states = {hook.states} of the adaptive hook: the state has {n}")
 

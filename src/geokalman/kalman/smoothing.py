@@ -206,6 +206,11 @@ def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
     it takes a quarter of the time).
     Returns the Smoothed states. Raises NotPositiveDefinite with the epoch of a predicted covariance without full rank.
     Source: Rauch, Tung and Striebel (1965), AIAA J. 3, 1445-1450; for sigma points Sarkka (2008).
+
+    >>> from geokalman.kalman import Model, Sensor, gaussian, run
+    >>> walk, sensor = Model(F=[[1.0]], Q=[[1.0]]), Sensor([[1.0], [np.nan], [3.0]], [[1.0]], H=[[1.0]])
+    >>> smooth(run(gaussian([0.0], [1e6]), [0.0, 1.0, 2.0], walk, [sensor])).mean[1].round(3).tolist()
+    [2.0]
     """
     flat = course.manifold is None
     mean, cov = np.empty_like(course.mean), np.empty_like(course.cov[: None if covariances or not flat else 0])

@@ -186,6 +186,9 @@ def weights(n: int, alpha: float, beta: float, kappa: float) -> tuple[np.ndarray
     Wm0 = lambda / (n + lambda),  Wc0 = Wm0 + 1 - alpha^2 + beta,  Wi = 1 / (2 (n + lambda)),  lambda = alpha^2 (n +
     kappa) - n.
     Returns Wm, Wc : (2 n + 1,). Raises ValueError as `spread`. Source: grace-fusion (32), (35)-(37).
+
+    >>> weights(2, 1.0, 0.0, 2.0)[0].tolist()
+    [0.5, 0.125, 0.125, 0.125, 0.125]
     """
     c, _ = spread(n, alpha, beta, kappa)
     Wm = np.full(2 * n + 1, 0.5 / c**2)
@@ -200,6 +203,10 @@ def sigma_points(x: Gaussian, alpha: float = 1.0, beta: float = 2.0, kappa: floa
     c p_i.
 
     Raises NotPositiveDefinite where the covariance has no root of full rank. Source: grace-fusion (29)-(31).
+
+    >>> from geokalman.kalman import gaussian
+    >>> sigma_points(gaussian([1.0], [4.0])).tolist()
+    [[1.0], [-1.0], [3.0]]
     """
     mean, P = gaussian(*x)
     c, _ = spread(len(mean), alpha, beta, kappa)
@@ -219,6 +226,10 @@ def predict(
     f : takes and gives (n,); Q : (n, n), positive semidefinite; alpha, beta, kappa as in `spread`.
     Raises ValueError for wrong input, NotPositiveDefinite where the posterior has no root of full rank.
     Source: grace-fusion (33), (38), (39).
+
+    >>> from geokalman.kalman import gaussian
+    >>> predict(gaussian([3.0], [4.0]), lambda x: x**2, [[0.0]]).mean.item()  # mean^2 + variance
+    13.0
     """
     x, P = gaussian(*posterior)
     n = len(x)
@@ -242,6 +253,11 @@ def update(
     in `spread`. Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong input, NotPositiveDefinite where the prior or S has no root of full rank.
     Source: grace-fusion (26)-(28), (34)-(43).
+
+    >>> from geokalman.kalman import gaussian
+    >>> posterior, innovation = update(gaussian([0.0], [3.0]), [2.0], lambda x: x, [[1.0]])
+    >>> round(posterior.mean.item(), 12), round(posterior.cov.item(), 12)
+    (1.5, 0.75)
     """
     x, P = gaussian(*prior)
     z = array("z", z, None, missing=True)

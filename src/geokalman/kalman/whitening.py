@@ -74,11 +74,14 @@ def whiten_columns(P0, t, H, R, transition: Transition, columns) -> np.ndarray:
 
     W = C^(-1/2) A with C = cov(z) under the model and C^(-1/2) lower triangular, so W' W = A' C^-1 A.
     P0 : (n, n) prior covariance at t[0]; t : (N,) [s]; H : (1, n) or (N, 1, n); R : (1, 1) or (N, 1, 1); transition :
-    as in
-    `linear.filter_linear`; columns : (N, c), data and design alike.
+    (Phi, Q) or a function of the step; columns : (N, c), data and design alike.
     Raises ValueError for wrong shapes, NotPositiveDefinite with the epoch.
     Source: Rosenberg (1973), Annals of Economic and Social Measurement 2, 399-428; de Jong (1991), Annals of
     Statistics 19.
+
+    >>> still = np.eye(1), np.zeros((1, 1))  # one unknown constant beside the noise
+    >>> whiten_columns([[3.0]], [0.0, 1.0], [[1.0]], [[1.0]], still, [[2.0], [2.0]])[0].tolist()
+    [1.0]
     """
     t = epochs(t)
     P = covariance("P0", P0)
