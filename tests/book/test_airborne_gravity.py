@@ -141,7 +141,7 @@ def test_the_steady_states_are_callable(run_here, tmp_path):
 
 
 def test_a_line_that_the_file_does_not_hold(run_here, tmp_path):
-    with pytest.raises(ValueError, match="There is no line 7; there are 10100"):
+    with pytest.raises(read.UnknownLine, match="There is no line 7; there are 10100"):
         run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, lines=[7])
 
 
