@@ -16,13 +16,18 @@ from geokalman import compilation
 CALL = """
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from geokalman.physics import dop853, oblate
+from geokalman.physics import quaternion
 
-out = np.empty(3)
-oblate.oblate_force(0.0, np.array([7e6, 1e6, 2e6, 0.0, 0.0, 0.0]), np.array([3.986e14, 6.378e6, 1e-3]), out)
-oblate.j2_point(np.array([7e6, 1e6, 2e6]), 3.986e14, 6.378e6, 1e-3, out)
-ours = [f.stats for m in (dop853, oblate) for f in vars(m).values() if isinstance(f, Dispatcher)]
-print(*map(float.hex, out.tolist()), sum(len(s.cache_hits) for s in ours), sum(len(s.cache_misses) for s in ours))
+p, turn = np.array([0.5, -0.5, 0.5, 0.5]), np.array([0.3, -0.2, 0.1])
+q, work, product, moved, back = np.empty((5, 4))
+quaternion.exp_point(turn, q)
+quaternion.multiply_point(p, q, product)
+quaternion.log_point(product, back)
+quaternion.retract_point(p, turn, work, moved)
+quaternion.difference_point(p, moved, work, turn)
+ours = [f.stats for f in vars(quaternion).values() if isinstance(f, Dispatcher)]
+hits, misses = sum(len(s.cache_hits) for s in ours), sum(len(s.cache_misses) for s in ours)
+print(*map(float.hex, [back[0], moved[1], turn[2]]), hits, misses)
 """
 
 
@@ -72,15 +77,14 @@ def files(cache: Path) -> list[Path]:
     return [path for path in sorted(cache.rglob("*.nb*")) if path.is_file()]
 
 
-@pytest.mark.parametrize("first", [0, 3])
 @pytest.mark.parametrize("kind", [".nbi", ".nbc"])
-def test_a_damaged_cache_heals(compiled, tmp_path, kind, first):
+def test_a_damaged_cache_heals(compiled, tmp_path, kind):
     """Every file of one kind is damaged, one in this way and the next in that, so that each way has its turn."""
     cache, numbers, misses = compiled
     cache = shutil.copytree(cache, tmp_path / "cache")
     spoilt = [path for path in files(cache) if path.suffix == kind]
-    assert len(spoilt) >= 3
-    for path, damage in zip(spoilt, itertools.cycle(DAMAGE[first:] + DAMAGE[:first])):
+    assert len(spoilt) >= len(DAMAGE)
+    for path, damage in zip(spoilt, itertools.cycle(DAMAGE)):
         path.write_bytes(damage(path.read_bytes()))
     assert call(cache) == [*numbers, "0", misses]
     assert all(compilation._sound(path) for path in files(cache))

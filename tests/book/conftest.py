@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import importlib.util
+import itertools
 import os
 import shutil
 import sys
@@ -13,9 +14,10 @@ from pathlib import Path
 
 import pytest
 from filelock import FileLock
+from matplotlib.figure import Figure
 
 from geokalman.files import project_root
-from geokalman.reproduce import execute, notebooks, parameters, reference
+from geokalman.reproduce import execute, notebooks, parameters, reference, settings
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)
@@ -71,22 +73,27 @@ def browser(chromium: str) -> Iterator:
 
 @pytest.fixture(scope="session")
 def run_here() -> Callable[..., Path]:
-    """Execute a notebook in this process, without the start of a kernel: for its numbers with other parameters.
+    """Execute a notebook in this process: without the start of a kernel, which takes longer than most quick runs.
 
-    Called with (paper, name, out, quick=True, **parameters); gives the run folder, or raises what a cell raises.
+    Called with (paper, name, out, quick=True, themes=1, **parameters); gives the run folder, or raises what a cell
+    raises. Of the two themes of a figure, both are always drawn, but only `themes` of them are made into images.
     """
     root = project_root(Path(__file__).parent)
+    savefig = Figure.savefig
 
-    def executed(paper: str, name: str, out: Path, quick: bool = True, **given) -> Path:
+    def executed(paper: str, name: str, out: Path, quick: bool = True, themes: int = 1, **given) -> Path:
         source = notebooks.read(root, f"{paper}/{name}")
         specification = parameters.specification(source, f"{paper}/{name}")
         values = (dict(specification.quick) if quick else {}) | specification.check(given)
         namespace: dict = {"__name__": "__main__"}
+        made = itertools.count()
         with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
             warnings.simplefilter("default")  # as in a kernel
             patch.setenv("GEOKALMAN_ROOT", str(root))
             patch.setenv("GEOKALMAN_OUT", str(out))
             patch.chdir(root / "book" / paper)
+            if themes == 1:  # a figure comes twice, light and dark
+                patch.setattr(Figure, "savefig", lambda *a, **k: next(made) % 2 or savefig(*a, **k))
             for cell in source.cells:
                 if cell.cell_type == "code":
                     exec(compile(cell.source, f"{paper}/{name}", "exec"), namespace)
@@ -101,8 +108,10 @@ def run_here() -> Callable[..., Path]:
 def run_notebook(tmp_path_factory: pytest.TempPathFactory, run_here) -> Callable[..., Path]:
     """The run folder of a notebook of the book, executed on first use, once for all workers of xdist.
 
-    Called with (paper, name, label="quick", quick=True, **parameters); a label names one choice of parameters, which
-    is executed in this process.
+    Called with (paper, name, label="quick", quick=True, **parameters); a label names one choice of parameters. Each
+    paper's first notebook is executed as `geokalman run` does, in a kernel of its own; so is every one where this
+    process has more than the one thread that the references are computed with. The others are executed here, and in
+    kernels by `make book`.
     """
     root = project_root(Path(__file__).parent)
     base, several = tmp_path_factory.getbasetemp(), "PYTEST_XDIST_WORKER" in os.environ
@@ -115,7 +124,9 @@ def run_notebook(tmp_path_factory: pytest.TempPathFactory, run_here) -> Callable
             if not (out / "provenance.json").is_file():
                 if given:
                     return run_here(paper, name, out, quick, **given)
-                execute.run(root, f"{paper}/{name}", out=out, quick=quick, page=False, threads=1)
+                if name.startswith("01-") or settings.present()["threads"] != 1:
+                    return execute.run(root, f"{paper}/{name}", out=out, quick=quick, page=False, threads=1)
+                return run_here(paper, name, out, quick, themes=2)
         return out
 
     return executed

@@ -16,7 +16,7 @@ from geokalman.airborne import corrections, experiment, read
 from geokalman.airborne.read import checks, tables
 from geokalman.airborne.model import Tuning
 from geokalman.files import data_path, project_root
-from geokalman.reproduce import claims, execute, reference
+from geokalman.reproduce import claims, reference
 
 PAPER = "airborne-gravity"
 ROOT = project_root(Path(__file__).parent)
@@ -76,7 +76,7 @@ def test_a_file_of_ones_own_gives_the_same_numbers(run, run_here, tmp_path):
         assert ours[key]["value"] == pytest.approx(vendored[key]["value"], abs=1e-6)
 
 
-def test_an_aliased_line_gets_a_larger_R_and_the_page_says_so(tmp_path):
+def test_an_aliased_line_gets_a_larger_R_and_the_page_says_so(run_here, tmp_path, capsys):
     table = tables.read_table(data_path("kauring_2012.xz"))
     rows = np.isin(table["LINE"], [104000, 104100])
     own = {n: table[n][rows].copy() for n in HEADER}
@@ -87,15 +87,15 @@ def test_an_aliased_line_gets_a_larger_R_and_the_page_says_so(tmp_path):
     ]
     (tmp_path / "own.csv").write_text("\n".join(lines) + "\n")
     given = {"data": str(tmp_path / "own.csv"), "lines": [104000, 104100]}
-    execute.run(ROOT, f"{PAPER}/08-kauring", given, out=tmp_path / "out", page=False, threads=1)
+    run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, **given)
     with pytest.warns(checks.SuspiciousData, match="aliased"):
         flights = read.read_survey(tmp_path / "own.csv").select([104000, 104100])
     ours = reference.read_run(tmp_path / "out")[1]
     for flight, R in zip(flights, (0.15, 0.02), strict=True):
         sd = experiment.real([flight], Tuning.preset("kauring", R_m=R)).sd("fb", "ground")[0]
         assert ours[f"vs_ground.fb.line{flight.name}"]["value"] == pytest.approx(sd, rel=1e-9)
-    told = (tmp_path / "out" / "notebook.ipynb").read_text(encoding="utf-8")
-    assert "R is 0.15 m on the lines whose specific force is aliased (1 in the file), 0.02 m on all others." in told
+    told = "R is 0.15 m on the lines whose specific force is aliased (1 in the file), 0.02 m on all others."
+    assert told in capsys.readouterr().out
 
 
 def test_a_file_without_truth_is_estimated_and_not_judged(run_here, tmp_path):
@@ -111,8 +111,8 @@ def test_a_file_without_truth_is_estimated_and_not_judged(run_here, tmp_path):
     assert metrics["all.lines"]["value"] == 1 and not any(key.startswith("vs_") for key in metrics)
     assert told["figures"] == ["a08-lines"]
     given = {"data": str(tmp_path / "own.csv")}
-    with pytest.raises(execute.ExecutionFailed, match="The survey has no column GND_FA"):
-        execute.run(ROOT, f"{PAPER}/12-joint", given, out=tmp_path / "joint", page=False, threads=1)
+    with pytest.raises(ValueError, match="The survey has no column GND_FA"):
+        run_here(PAPER, "12-joint", tmp_path / "joint", quick=False, **given)
 
 
 def test_the_likelihood_finds_looser_tilts_on_a_few_lines_already(run):
@@ -141,9 +141,9 @@ def test_the_steady_states_are_callable(run_here, tmp_path):
     assert metrics["steady.smoother_sd"]["value"] == pytest.approx(0.5140, rel=1e-3)
 
 
-def test_a_line_that_the_file_does_not_hold(tmp_path):
-    with pytest.raises(execute.ExecutionFailed, match="There is no line 7; there are 10100"):
-        execute.run(ROOT, f"{PAPER}/08-kauring", {"lines": [7]}, out=tmp_path / "out", page=False, threads=1)
+def test_a_line_that_the_file_does_not_hold(run_here, tmp_path):
+    with pytest.raises(read.UnknownLine, match="There is no line 7; there are 10100"):
+        run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, lines=[7])
 
 
 def test_the_ledger_has_both_printed_means():

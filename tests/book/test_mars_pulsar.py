@@ -1,7 +1,4 @@
-"""The notebooks of the pulsar paper at the quick scale: anchors, references, figures, contract, parameters.
-
-Each test is one notebook, executed as `geokalman run` does; with xdist they run side by side.
-"""
+"""The notebooks of the pulsar paper at the quick scale: anchors, references, figures, contract, parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ import numba
 import pytest
 
 from geokalman.files import project_root
-from geokalman.reproduce import claims, execute, parameters, reference
+from geokalman.reproduce import claims, parameters, reference
 from geokalman.reproduce.errors import Misuse
 
 PAPER = "mars-pulsar"
@@ -101,10 +98,10 @@ def test_a_filter_that_diverges_is_recorded(run_here, tmp_path):
     assert reference.read_run(folder)[1]["table3.ekf.diverged"]["value"] == 1
 
 
-def test_a_skipped_adaptation_is_told(tmp_path):
+def test_a_skipped_adaptation_is_told(run_here, tmp_path, capsys):
     given = {"pulsars": [1, 2], "filters": ["ekf", "aekf2"], "n_seeds": 1, "days": 1.0}
-    folder = execute.run(ROOT, f"{PAPER}/05-table3", given, out=tmp_path / "two", page=False, threads=1)
-    assert "AEKF2: the adaptation was skipped in 100 % of the epochs" in (folder / "notebook.ipynb").read_text()
+    run_here(PAPER, "05-table3", tmp_path / "two", quick=False, **given)
+    assert "AEKF2: the adaptation was skipped in 100 % of the epochs" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

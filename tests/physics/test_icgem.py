@@ -1,38 +1,16 @@
 """The ICGEM reader: every keyword and line type, and one clear sentence for every way a file can be wrong."""
 
 import bz2
-import datetime
 import gzip
 import lzma
 import math
-import warnings
 
 import numpy as np
 import pytest
+from gfcfiles import ROWS, gfc
 
-from geokalman.physics.field import EARTH, GravityField, require_body
 from geokalman.physics.harmonics import load_field
-from geokalman.physics.icgem import GfcError, GfcWarning, read_gfc, write_gfc
-
-HEADER = {
-    "product_type": "gravity_field",
-    "modelname": "TOY",
-    "earth_gravity_constant": "0.3986004415E+15",
-    "radius": "0.6378136300E+07",
-    "max_degree": "2",
-    "errors": "no",
-    "norm": "fully_normalized",
-    "tide_system": "tide_free",
-}
-ROWS = ["gfc 0 0 1.0 0.0", "gfc 2 0 -4.8e-4 0.0", "gfc 2 1 -1.8e-10 1.2e-9", "gfc 2 2 2.4e-6 -1.4e-6"]
-
-
-def gfc(folder, rows=ROWS, name="toy.gfc", end=True, before="some words\n", **header):
-    lines = [f"{key}   {value}" for key, value in {**HEADER, **header}.items() if value is not None]
-    text = before + "\n".join([*lines, *(["end_of_head ======"] if end else []), *rows]) + "\n"
-    path = folder / name
-    path.write_bytes(gzip.compress(text.encode()) if name.endswith(".gz") else text.encode())
-    return path
+from geokalman.physics.icgem import GfcError, read_gfc, write_gfc
 
 
 def test_header_and_coefficients(tmp_path):
@@ -127,52 +105,6 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
         read_gfc(gfc(tmp_path, rows, norm="unnormalized", max_degree=151))
 
 
-VARIABLE = [*ROWS[:1], "gfct 2 0 -4.8e-4 0.0 20050101", "trnd 2 0 1.1e-11 0.0", "acos 2 0 4e-11 0.0 1.0",
-            "asin 2 0 5e-11 0.0 0.5", *ROWS[2:]]  # fmt: skip
-
-
-def test_time_variable_coefficient_at_its_reference_epoch(tmp_path):
-    assert read_gfc(gfc(tmp_path, VARIABLE)).C[2, 0] == -4.8e-4
-
-
-def test_time_variable_coefficient_at_an_epoch(tmp_path):
-    field = read_gfc(gfc(tmp_path, VARIABLE), epoch=datetime.date(2007, 4, 2))
-    years = (datetime.date(2007, 4, 2) - datetime.date(2005, 1, 1)).days / 365.25
-    wanted = -4.8e-4 + 1.1e-11 * years + 4e-11 * math.cos(2 * math.pi * years) + 5e-11 * math.sin(4 * math.pi * years)
-    assert field.C[2, 0] == pytest.approx(wanted, rel=2e-15)
-    assert field.C[2, 0] != -4.8e-4
-
-
-def test_errors_of_a_time_variable_coefficient(tmp_path):
-    rows = ["gfct 2 0 -4.8e-4 0.0 1e-12 0.0 20050101", *(row + " 2e-12 3e-12" for row in ROWS[2:])]
-    field = read_gfc(gfc(tmp_path, rows, errors="formal"))
-    assert field.sigma_C[2, 0] == 1e-12 and field.sigma_C[2, 1] == 2e-12
-
-
-INTERVALS = ["gfct 2 0 -4.8e-4 0.0 20000101.0000 20100101.1200", "trnd 2 0 1e-11 0.0 20000101 20100101.1200",
-             "gfct 2 0 -4.9e-4 0.0 20100101.1200 20200101", "asin 2 0 1e-11 0.0 20100101.1200 20200101 1.0",
-             *ROWS[2:]]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("epoch", "base", "slope"),
-    [(datetime.date(2001, 1, 1), -4.8e-4, 1e-11 * 366 / 365.25), (datetime.datetime(2010, 1, 1, 12), -4.9e-4, 0.0)],
-)
-def test_second_format_takes_the_interval_of_the_epoch(tmp_path, epoch, base, slope):
-    path = gfc(tmp_path, INTERVALS, format="icgem2.0")
-    assert read_gfc(path, epoch).C[2, 0] == pytest.approx(base + slope, rel=2e-15)
-
-
-def test_second_format_without_an_epoch_asks_for_one(tmp_path):
-    path = gfc(tmp_path, INTERVALS, format="icgem2.0")
-    with pytest.raises(
-        GfcError, match=r"line 14: coefficient \(2, 0\) has 2 gfct lines, first in line 12; give one epoch"
-    ):
-        read_gfc(path)
-    with pytest.raises(GfcError, match="no gfct line covers 2030-01-01"):
-        read_gfc(path, datetime.date(2030, 1, 1))
-
-
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -256,225 +188,12 @@ def test_what_is_no_gfc_file(tmp_path, content, says):
         read_gfc(path)
 
 
-# Keywords that give the numbers their meaning
-
-
-@pytest.mark.parametrize(
-    "header",
-    [
-        {"radius": "6378.1363 km"},
-        {"radius": "6378.1363 [km]", "earth_gravity_constant": "398600.4415 [km^3/s^2]"},
-        {"radius": "6378136.3 (m)", "earth_gravity_constant": "398600.4415 km**3/sec**2"},
-        {"radius": "= 6378136.3 m", "earth_gravity_constant": "= 3.986004415d14 m3 s-2"},
-        {"radius:": "6378136.3   # of the model", "radius": None},
-        {"norm": "Fully Normalised", "errors": "NO"},
-        {"norm": "fully-normalized", "format": "ICGEM1.0", "product_type": "Gravity_Field"},
-        {"body": "earth", "url": "http://icgem.gfz-potsdam.de/radius", "generating_institute": "GFZ"},
-        {"errors": "unknown"},
-    ],
-)
-def test_units_and_spellings_are_honoured(tmp_path, header):
-    field = read_gfc(gfc(tmp_path, **header))
-    assert field.gm == pytest.approx(3.986004415e14, rel=1e-15) and field.radius == pytest.approx(6378136.3, rel=1e-15)
-    assert field.C[2, 0] == -4.8e-4 and field.sigma_C is None
-
-
-def test_a_name_of_several_words_and_a_factor_behind_the_errors(tmp_path):
-    rows = [row + " 1e-12 2e-12" for row in ROWS]
-    field = read_gfc(gfc(tmp_path, rows, modelname="TOY (version 2)", errors="calibrated (factor = 2.00)"))
-    assert field.name == "TOY (version 2)" and field.sigma_S[2, 1] == 2e-12
-    four = gfc(tmp_path, [row + " 1e-12 2e-12 3e-12 4e-12" for row in ROWS], errors="calibrated and formal")
-    assert read_gfc(four).sigma_C[2, 1] == 1e-12
-
-
-@pytest.mark.parametrize("before", ["", "begin_of_head\nmodelname a\nmodelname b\n"])
-def test_a_name_is_not_needed(tmp_path, before):
-    assert read_gfc(gfc(tmp_path, before=before, modelname="")).name == ("a" if before else "toy")
-
-
-def test_prose_before_a_header_without_its_begin(tmp_path):
-    prose = "errors of it are calibrated\nradius of 6378 km\nformat description: www\nnorm is the usual\nerrors\n"
-    assert read_gfc(gfc(tmp_path, before=prose)).n_max == 2
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"format": "icgem99.0"}, "format 'icgem99.0' is unknown; known are icgem1.0, icgem2.0"),
-        ({"radius": "6378136.3 ft"}, "line 5: radius = 6378136.3 has the unknown unit 'ft'"),
-        ({"before": "begin_of_head\nradius\n"}, "line 2: radius has no value"),
-        ({"before": "radius 6378137.0\n"}, "line 5: radius = 0.63.* stands otherwise in line 1; one is right"),
-        ({"gravity_constant": "6.67e-11"}, "line 10: gravity_constant = 6.67e-11 stands otherwise in line 4"),
-        ({"before": "begin_of_head\n", "norm": "schmidt semi"}, "line 8: norm 'schmidt' is unknown"),
-        ({"max_degree": "1000000000"}, "max_degree = 1000000000 must be an integer of at least 2 and at most"),
-        ({"max_degree": "60000"}, "1800089995 coefficients up to its max_degree 60000 are missing"),
-        ({"before": "prose\nerrors of it\n", "errors": "of it"}, "line 8: errors 'of' is unknown"),
-        ({"radius": "6378,1363"}, "radius '6378,1363' is not a number; the decimal mark is a point"),
-    ],
-)
-def test_keywords_that_cannot_be_honoured(tmp_path, changes, says):
-    with pytest.raises(GfcError, match=says):
-        read_gfc(gfc(tmp_path, **changes))
-
-
-# What no body has
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"radius": "6378.1363"}, "line 5: GM = 3.98.* and radius = 6378.1363 m give the density 5.49e.12"),
-        ({"radius": "1e-200"}, "give the density inf kg"),
-        ({"radius": "1e200"}, "give the density 0 kg"),
-        ({"earth_gravity_constant": "398600.4415"}, "line 4: GM = 398600.4415 .* give the density 5.49e-06"),
-        ({"earth_gravity_constant": "398600.4415", "radius": "6378.1363"}, "line 4: .* of a planet in km"),
-        ({"earth_gravity_constant": "42828.37", "radius": "3397.0"}, "line 4: .* of a planet in km"),
-        ({"rows": ["gfc 2 0 -1.0826e-3 0", *ROWS[2:]]}, r"line 11: coefficient \(2, 0\) .*'norm unnormalized'"),
-        ({"rows": ["gfc 2 0 4.84e-4 0", *ROWS[2:]]}, "line 11: C20 = 0.000484 has the wrong sign"),
-        (
-            {"rows": [*ROWS[:2], "gfc 2 1 0 -1.2e-2", ROWS[3]]},
-            r"line 13: coefficient \(2, 1\) = 0, -0.012: of the Earth",
-        ),
-        ({"rows": [*ROWS[:3], "gfc 2 2 1.5e100 0"]}, r"line 14: coefficient \(2, 2\) = 1.5e\+100, 0"),
-        (
-            {"gravity_constant": "3.2e14", "earth_gravity_constant": None, "rows": ["gfc 2 0 2 0", *ROWS[2:]]},
-            "of no body",
-        ),
-        ({"rows": ["gfc 0 0 0 0", *ROWS[1:]]}, "line 11: C_00 is 0: this is a difference of fields"),
-        ({"rows": [*ROWS, "gfc 1 0 1e-7 0"]}, "degree 1 .* 1.1 m from the origin; at most 0.1 m is left out"),
-        (
-            {"errors": "formal", "rows": [r + " 1e-12 -1e-12" for r in ROWS]},
-            "line 11: standard deviations .* not be neg",
-        ),
-    ],
-)
-def test_unphysical_files_are_refused(tmp_path, changes, says):
-    with pytest.raises(GfcError, match=says):
-        read_gfc(gfc(tmp_path, **changes))
-
-
-@pytest.mark.parametrize(
-    ("gm", "radius", "C20"),
-    [
-        ("4.9028010560e+12", "1.7380e+06", "-9.087956e-05"),  # the Moon
-        ("4.28283763830d13", "3.39420d6", "-0.87596e-03"),  # Mars
-        ("3.248585920790d14", "6.0510d6", "-0.19697e-05"),  # Venus
-        ("1.26687e17", "7.1492e7", "-6.57e-3"),  # Jupiter
-        ("4.463e5", "16000", "-5.2e-2"),  # Eros
-    ],
-)
-def test_other_bodies_are_accepted(tmp_path, gm, radius, C20):
-    header = {"earth_gravity_constant": None, "gravity_constant": gm, "radius": radius}
-    assert read_gfc(gfc(tmp_path, [f"gfc 2 0 {C20} 0", *ROWS[2:]], **header)).C[2, 0] == float(C20)
-
-
-def test_a_small_degree_one_is_left_out_with_a_warning(tmp_path):
-    """7e-11 is 0.8 mm: models of satellites carry the geocentre."""
-    path = gfc(tmp_path, [*ROWS, "gfc 1 0 7.017765933D-11 0.0", "gfc 1 1 0 0"])
-    with pytest.warns(GfcWarning, match=r"degree 1 \(C10 = 7.01777e-11, .* 0.78 mm from the origin; it is left out"):
-        field = read_gfc(path)
-    assert not field.C[1].any() and field == read_gfc(gfc(tmp_path, name="without.gfc"))
-
-
-def test_a_field_is_held_to_its_body(tmp_path):
-    assert require_body(read_gfc(gfc(tmp_path)), EARTH).n_max == 2
-    earth = load_field("JGM3", 3)
-    moon = GravityField("moon", 4.9e12, 1.738e6, earth.C, earth.S)
-    with pytest.raises(ValueError, match="moon: GM = 4.9e.12 is not that of the Earth, .*; it is that of another body"):
-        require_body(moon, EARTH)
-
-
 # Rows and times
 
 
 def test_rows_in_any_order_with_remarks_and_capitals(tmp_path):
     rows = ["# by order", ROWS[3].upper(), "", ROWS[1] + "  ", "#gfc 2 0 0 0", ROWS[2].replace(" ", "\t")]
     assert read_gfc(gfc(tmp_path, rows)) == read_gfc(gfc(tmp_path, name="sorted.gfc"))
-
-
-def test_a_term_may_stand_before_its_value_and_without_errors(tmp_path):
-    rows = ["trnd 2 0 1e-11 0", "acos 2 0 4e-11 0 1.0", "gfct 2 0 -4.8e-4 0 1e-12 0 20050101.0000",
-            *(row + " 1e-12 1e-12" for row in ROWS[2:])]  # fmt: skip
-    field = read_gfc(gfc(tmp_path, rows, errors="formal"), datetime.date(2006, 1, 1))
-    years = 365 / 365.25
-    assert field.C[2, 0] == pytest.approx(-4.8e-4 + 1e-11 * years + 4e-11 * math.cos(2 * math.pi * years), rel=1e-15)
-
-
-def test_a_term_counts_from_its_own_epoch(tmp_path):
-    """EIGEN-6S4: one annual term from 1950 to 2003 beside values that hold for a year each."""
-    rows = ["gfct 2 0 -4.8e-4 0 20020815.0817 20030101", "acos 2 0 4e-11 0 19500101 20030101 1.0", *ROWS[2:]]
-    field = read_gfc(gfc(tmp_path, rows, format="icgem2.0"), datetime.date(2002, 9, 1))
-    years = (datetime.date(2002, 9, 1) - datetime.date(1950, 1, 1)).days / 365.25
-    assert field.C[2, 0] == pytest.approx(-4.8e-4 + 4e-11 * math.cos(2 * math.pi * years), rel=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("epoch", "hours"),
-    [
-        (datetime.datetime(2007, 4, 2, 12), 12),
-        (datetime.datetime(2007, 4, 2, 12, tzinfo=datetime.timezone(datetime.timedelta(hours=-10))), 22),
-        (np.datetime64("2007-04-02T06:00"), 6),
-    ],
-)
-def test_epochs_with_and_without_a_zone(tmp_path, epoch, hours):
-    rows = ["gfct 2 0 -4.8e-4 0.0 20050101", "trnd 2 0 1e-6 0.0", *ROWS[2:]]
-    years = ((datetime.date(2007, 4, 2) - datetime.date(2005, 1, 1)).days + hours / 24) / 365.25
-    assert read_gfc(gfc(tmp_path, rows), epoch).C[2, 0] == pytest.approx(-4.8e-4 + 1e-6 * years, rel=1e-14)
-
-
-@pytest.mark.parametrize("epoch", ["2007-04-02", 2007.25, np.datetime64("NaT")])
-def test_what_is_no_epoch_is_refused(tmp_path, epoch):
-    with pytest.raises(ValueError, match="is no date; give a datetime.date"):
-        read_gfc(gfc(tmp_path), epoch)
-
-
-V2 = {"format": "icgem2.0"}
-YEARS = "20000101 20100101"
-
-
-@pytest.mark.parametrize(
-    ("rows", "header", "says"),
-    [
-        ([*ROWS, "dot 2 0 1e-11 0"], {}, r"line 15: coefficient \(2, 0\) has a trend .* no gfct line"),
-        ([*ROWS, "GFC 2 1 -1.8e-10 1.2e-9"], {}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
-        ([ROWS[2], ROWS[2], *ROWS[2:]], {}, r"line 12: coefficient \(2, 1\) occurs twice, first in line 11"),
-        (
-            [*VARIABLE, "trnd 2 0 1.1e-11 0.0"],
-            {},
-            r"line 18: this term of coefficient \(2, 0\) stands there already, in line 13",
-        ),
-        ([f"gfct 2 0 -4.8e-4 0 {YEARS}", *ROWS[2:]], {}, "line 11: 7 columns where 6 are right .* 'format icgem2.0'"),
-        (
-            ["gfct 2 0 -4.8e-4 0 20100101 20000101", *ROWS[2:]],
-            V2,
-            "line 12: the interval 20100101 to 20000101 is empty",
-        ),
-        (["gfct 2 0 -4.8e-4 0 20000101", *ROWS[2:]], V2, "line 12: 6 columns where 7 are needed"),
-        (
-            [f"gfct 2 0 -4.8e-4 0 {YEARS}"] * 2 + ROWS[2:],
-            V2,
-            "line 13: coefficient .* 2 gfct lines, first in line 12; one is right",
-        ),
-        (["gfct 2 0 -4.8e-4 0 2005111", *ROWS[2:]], {}, "'2005111' is no date"),
-        (["gfct 2 0 -4.8e-4 0 20050101.5", *ROWS[2:]], {}, "'20050101.5' is no date"),
-        (["gfct 2 0 -4.8e-4 0 2005.0", *ROWS[2:]], {}, "'2005.0' is no date"),
-        ([*ROWS, "\x01"], {}, "begins no data line; they begin with gfc, gfct"),
-        (["gfc 2 0 -0.48E-03-0.1E-09"], {}, "4 columns where 5 are needed"),
-        (["gfc 2 0 **** 0"], {}, r"line 11: '\*\*\*\*' is not a number"),
-        (["gfc 2 -1 0 0"], {}, "degree 2 and order -1 must satisfy"),
-    ],
-)
-def test_rows_are_refused_by_line(tmp_path, rows, header, says):
-    with pytest.raises(GfcError, match=says), warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read_gfc(gfc(tmp_path, rows, **header), datetime.date(2005, 6, 1))
-
-
-def test_a_date_between_intervals_names_them(tmp_path):
-    with pytest.raises(
-        GfcError, match="no gfct line covers 2030-01-01, only 2000-01-01 to 2010-01-01, 2010-01-01 to 2020-"
-    ):
-        read_gfc(gfc(tmp_path, INTERVALS, format="icgem2.0"), datetime.date(2030, 1, 1))
 
 
 def test_truncated_gzip(tmp_path):
