@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman.airborne import read, tables
-from geokalman.files import data_path
+from geokalman.data import data_path
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from geokalman.airborne import checks, quality, read, tables, trial
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
-from geokalman.files import data_path
+from geokalman.data import data_path
 from geokalman.reading import InputError
 
 HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from geokalman.files import project_root
-from geokalman.reproduce import execute, notebooks, parameters, reference
+from execbook.project import root as project_root
+from execbook import execute, notebooks, parameters, reference
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)
@@ -37,7 +37,7 @@ def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if not (Path(told) / "index.html").is_file():
             pytest.fail(f"GEOKALMAN_BOOK={told} holds no index.html; call `make book` first.")
         return Path(told).resolve()
-    from geokalman.reproduce import html, stage
+    from execbook import html, stage
 
     root = toybook.make(tmp_path_factory.mktemp("browser") / "clone")
     stage.stage(root)
@@ -84,8 +84,8 @@ def run_here() -> Callable[..., Path]:
         namespace: dict = {"__name__": "__main__"}
         with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
             warnings.simplefilter("default")  # as in a kernel
-            patch.setenv("GEOKALMAN_ROOT", str(root))
-            patch.setenv("GEOKALMAN_OUT", str(out))
+            patch.setenv("EXECBOOK_ROOT", str(root))
+            patch.setenv("EXECBOOK_OUT", str(out))
             patch.chdir(root / "book" / paper)
             for cell in source.cells:
                 if cell.cell_type == "code":

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from geokalman.reproduce import contents
+from execbook import contents
 
 pytestmark = pytest.mark.browser
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geokalman import files
+from geokalman.data import data_path
 from geokalman.constants import C_LIGHT
 from geokalman.pulsar import photons
 
@@ -11,7 +11,7 @@ NEAR = 6.5957
 
 
 def vendored(name):
-    return files.data_path(f"photons/{name}")
+    return data_path(f"photons/{name}")
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ checks its arguments and raises ValueError, or its kind NotPositiveDefinite with
 missing one; a mask elsewhere, units, dates, text and complex numbers are refused (`checks.plain`).
 """
 
+from geokalman import compilation as _compilation  # noqa: F401  first: it is where compiled functions are kept
 from geokalman.kalman.adaptive import adaptive_update
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk
