@@ -6,7 +6,7 @@ from __future__ import annotations
 def keep(app, what, name, obj, options, lines) -> None:
     """Put the text of a docstring into a literal block."""
     if lines:
-        lines[:] = ["::", "", *(f"   {line}".rstrip() for line in lines), ""]
+        lines[:] = [".. code-block:: text", "", *(f"   {line}".rstrip() for line in lines), ""]
 
 
 def skip(app, what, name, obj, skipped, options) -> bool | None:

@@ -124,14 +124,13 @@ def _run_times(root: Path) -> str:
 
 
 def _api(root: Path, package: str) -> str:
-    """Document the modules of a package (its direct ones) for autodoc, below a line that changes with the code."""
-    paths = sorted((root / "src").joinpath(*package.split(".")).glob("*.py"))
-    names = [package if path.stem == "__init__" else f"{package}.{path.stem}" for path in paths]
-    parts = [f"% {sources.code_hash(names)}\n"]
-    for name in names:
-        parts.append(
-            f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   :ignore-module-all:\n```\n"
-        )
+    """Document the modules that stand directly in a package, by autodoc, below a line that changes with the code."""
+    parts = []
+    for path in sorted((root / "src").joinpath(*package.split(".")).glob("*.py")):
+        name = package if path.stem == "__init__" else f"{package}.{path.stem}"
+        source = f"{{download}}`{path.name} </../../../{path.relative_to(root).as_posix()}>`"  # from book/_build/site
+        directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   :ignore-module-all:\n```\n"
+        parts.append(f"% {sources.code_hash([name])}\n\n## {name}\n\nSource: {source}\n\n{directive}")
     return "\n".join(parts)
 
 

@@ -185,6 +185,18 @@ def test_run_times(toy_root: Path) -> None:
     )
 
 
+def test_the_modules_of_a_package_are_documented_with_their_source(toy_root: Path) -> None:
+    package = toy_root / "src/toys"
+    package.mkdir(parents=True)
+    for name in ("__init__", "part"):
+        (package / f"{name}.py").touch()
+    listed = blocks.fill("<!-- api: toys -->", toy_root)
+    assert [line for line in listed.splitlines() if "automodule" in line] == [
+        ".. automodule:: toys", ".. automodule:: toys.part",
+    ]  # fmt: skip
+    assert "{download}`part.py </../../../src/toys/part.py>`" in listed
+
+
 def test_what_is_missing_is_named(toy_root: Path) -> None:
     figure = toy_root / RUN / "figures/wave.dark.png"
     kept = figure.read_bytes()
