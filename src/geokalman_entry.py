@@ -4,9 +4,8 @@ It stands outside the package and does without `signal`, which imports some more
 the built-in one.
 """
 
-import os
-
 import _signal
+import os
 
 
 def _leave(number: int, _: object) -> None:

@@ -28,12 +28,20 @@ _DIGEST = 32
 _KEPT = 3  # folders for earlier sources of a module
 
 
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Give all statements below a node; expressions, which are most of a tree, hold no import."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.excepthandler | ast.match_case):
+            yield child
+            yield from _statements(child)
+
+
 @functools.cache
 def _imports(path: Path) -> tuple[bytes, frozenset[Path]]:
     """Read a module of the package; gives its source and the files of the package that it imports."""
     source = path.read_bytes()
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in _statements(ast.parse(source)):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

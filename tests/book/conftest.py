@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from execbook.project import root as project_root
 from execbook import execute, notebooks, parameters, reference
+from execbook.project import root as project_root
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)

@@ -12,11 +12,11 @@ import numba
 import numpy as np
 import pytest
 
+from execbook import claims, execute, reference
+from execbook.project import root as project_root
 from geokalman.airborne import checks, corrections, read, tables, trial
 from geokalman.airborne.model import Tuning
-from execbook.project import root as project_root
 from geokalman.data import data_path
-from execbook import claims, execute, reference
 
 PAPER = "airborne-gravity"
 ROOT = project_root(Path(__file__).parent)

@@ -13,10 +13,10 @@ from pathlib import Path
 import numba
 import pytest
 
+from execbook import claims, execute, parameters, reference
+from execbook.project import root as project_root
 from geokalman.attitude import flight, write
 from geokalman.attitude.model import SATELLITES, Scenario
-from execbook.project import root as project_root
-from execbook import claims, execute, parameters, reference
 
 PAPER = "gracefo-attitude"
 ROOT = project_root(Path(__file__).parent)

@@ -12,9 +12,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from execbook.project import root as project_root
 from execbook import claims, execute, parameters, reference
 from execbook.errors import Misuse
+from execbook.project import root as project_root
 
 PAPER = "mars-pulsar"
 ROOT = project_root(Path(__file__).parent)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numba
 import pytest
 
-from execbook.project import root as project_root
 from execbook import reference
 from execbook.errors import Fault
+from execbook.project import root as project_root
 
 PAPER = "radioastron-orbit"
 ROOT = project_root(Path(__file__).parent)

@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 
-from geokalman import style
 from execbook.display import FIGURE_TYPE, TABLE_TYPE
+from geokalman import style
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = "toy/01-wave"

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman.data import data_path
 from geokalman.constants import GM_EARTH
+from geokalman.data import data_path
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.pulsar import photons
 from geokalman.pulsar.fits import FitsError, FitsWarning

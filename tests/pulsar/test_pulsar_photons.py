@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from geokalman.data import data_path
 from geokalman.constants import C_LIGHT
+from geokalman.data import data_path
 from geokalman.pulsar import photons
 
 NEAR = 6.5957

@@ -6,8 +6,8 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from geokalman.data import data_path
 from geokalman.constants import C_LIGHT
+from geokalman.data import data_path
 from geokalman.physics.ephemeris import load_ephemeris
 from geokalman.pulsar import photons, timing
 from geokalman.pulsar.catalogue import (

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geokalman.data import data_path
 from geokalman.constants import J2000
+from geokalman.data import data_path
 from geokalman.physics.spk import Segment, SpkError, read_spk
 
 DAY = 86400.0

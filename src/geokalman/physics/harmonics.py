@@ -9,8 +9,8 @@ import zipfile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geokalman.data import CorruptedData, data_path
 from geokalman.constants import R_MEAN_EARTH
+from geokalman.data import CorruptedData, data_path
 from geokalman.physics.field import Array, GravityField
 from geokalman.physics.icgem import read_gfc
 from geokalman.physics.sphere import area_rms, cell_centred_grid, legendre, synthesis, synthesis_points
