@@ -63,7 +63,7 @@ bench: ## speed, beside the peers; never a gate
 
 coverage: ## how much of src the tests execute, with compilation off
 	@$(ENV) test
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not slow and not browser' --cov=geokalman --cov-report=term-missing:skip-covered
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m 'not slow and not browser' --cov=geokalman --cov=execbook --cov-report=term-missing:skip-covered
 
 mutants: ## do the tests notice a wrong estimator? make mutants [MUTANTS="--each 50 geokalman/kalman/linear.py"]
 	@$(ENV) test

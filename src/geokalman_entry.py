@@ -1,12 +1,11 @@
 """The command `geokalman`: until the package is imported, which takes a moment, an interrupt is one sentence here.
 
-Outside the package, because importing anything of it hashes its sources first; and without `signal`, which imports
-some more modules before it can do the same as the built-in one.
+It stands outside the package and does without `signal`, which imports some more modules before it can do the same as
+the built-in one.
 """
 
-import os
-
 import _signal
+import os
 
 
 def _leave(number: int, _: object) -> None:
@@ -15,11 +14,11 @@ def _leave(number: int, _: object) -> None:
 
 
 def main() -> None:
-    """Entry point: `geokalman.reproduce.cli.main`, which attends to the signals itself from then on."""
+    """Entry point: `geokalman.cli.main`, which attends to the signals itself from then on."""
     for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGHUP):
         if _signal.getsignal(number) != _signal.SIG_IGN:
             _signal.signal(number, _leave)
-    from geokalman.reproduce import cli
+    from geokalman import cli
 
     cli.main()
 

@@ -1,5 +1,6 @@
 """numba's compilation cache after a fault: what is damaged is compiled anew, and the numbers stay the same."""
 
+import importlib
 import itertools
 import os
 import pickle
@@ -10,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba import config
+from numba.core.dispatcher import Dispatcher
 
 from geokalman import compilation
 
@@ -54,11 +57,8 @@ DAMAGE = [
 
 def call(cache: Path, **limits) -> list[str]:
     """Run compiled functions of the package with their cache there: three numbers, hits and misses of the cache."""
-    env = {k: v for k, v in os.environ.items() if not k.startswith(("GEOKALMAN", "NUMBA"))}
-    env |= {"NUMBA_CACHE_DIR": str(cache)}
-    done = subprocess.run(
-        [sys.executable, "-c", CALL], env=env, capture_output=True, text=True, timeout=600, **limits
-    )
+    env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | {"NUMBA_CACHE_DIR": str(cache)}
+    done = subprocess.run([sys.executable, "-c", CALL], env=env, capture_output=True, text=True, timeout=600, **limits)
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 
@@ -87,7 +87,7 @@ def test_a_damaged_cache_heals(compiled, tmp_path, kind):
     for path, damage in zip(spoilt, itertools.cycle(DAMAGE)):
         path.write_bytes(damage(path.read_bytes()))
     assert call(cache) == [*numbers, "0", misses]
-    assert all(compilation._sound(path) for path in files(cache))
+    assert all(compilation.is_sound(path) for path in files(cache))
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read anything")
@@ -115,3 +115,132 @@ def test_a_full_disk_keeps_nothing_and_harms_nothing(compiled, tmp_path):
     _, numbers, misses = compiled
     assert call(tmp_path / "cache", preexec_fn=full) == [*numbers, "0", misses]
     assert not files(tmp_path / "cache")
+
+
+def in_copy(package: Path, code: str, **environment: str) -> list[str]:
+    """Run code with a copy of the package; gives the words that it prints."""
+    env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_CACHE")}
+    env |= {"PYTHONPATH": str(package), **environment}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+KERNEL = """
+from numba import njit
+
+from geokalman import compilation
+
+
+@njit(cache=True)
+def inner(x):
+    return x + {}.0
+"""
+LOOP = """
+from numba import njit
+
+from geokalman.kernel_module import inner
+
+
+@njit(cache=True)
+def outer(n):
+    total = 0.0
+    for _ in range(n):
+        total += inner(1.0)
+    return total
+"""
+OUTER = "from geokalman.loop_module import outer\nprint(outer(10), sum(outer.stats.cache_hits.values()))"
+
+
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_an_edited_kernel_never_runs_from_a_stale_cache(package_copy, tmp_path):
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    kernel = package_copy / "geokalman" / "kernel_module.py"
+    kernel.write_text(KERNEL.format(1))
+    (package_copy / "geokalman" / "loop_module.py").write_text(LOOP)
+    assert in_copy(package_copy, OUTER, **cache) == ["20.0", "0"]
+    assert in_copy(package_copy, OUTER, **cache) == ["20.0", "1"]  # the cache works at all
+    stat = kernel.stat()
+    kernel.write_text(KERNEL.format(2))
+    os.utime(kernel, ns=(stat.st_atime_ns, stat.st_mtime_ns))  # numba looks at time and size only: both as before
+    assert kernel.stat().st_size == stat.st_size
+    assert in_copy(package_copy, OUTER, **cache) == ["30.0", "0"]
+    kernel.write_text(KERNEL.format(1))
+    assert in_copy(package_copy, OUTER, **cache)[0] == "20.0"
+
+
+def test_importing_the_package_changes_nothing_else(tmp_path):
+    """No variable of the environment, no folder; another library's functions stay where numba puts them."""
+    (tmp_path / "theirs.py").write_text("from numba import njit\n\n@njit(cache=True)\ndef f(x):\n    return x + 1\n")
+    code = (
+        "import os, pathlib\nbefore = dict(os.environ)\nimport geokalman\nimport geokalman.kalman, theirs\n"
+        "assert dict(os.environ) == before and not pathlib.Path('home').exists()\n"
+        "from numba.core import caching\nprint(theirs.f(1), type(theirs.f._cache._cache_file).__name__, theirs.f._cache.cache_path)"
+    )
+    env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | {
+        "XDG_CACHE_HOME": str(tmp_path / "home")
+    }
+    path = os.pathsep.join([str(tmp_path), env.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=env | {"PYTHONPATH": path}, cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["2", "IndexDataCacheFile", str(tmp_path / "__pycache__")]
+
+
+COMPILED = [p for p in compilation.PACKAGE.rglob("*.py") if "njit" in p.read_text() and p.name != "compilation.py"]
+
+
+@pytest.mark.parametrize("path", COMPILED, ids=lambda path: path.stem)
+@pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
+def test_every_compiled_function_is_kept_here(path):
+    name = ".".join(path.relative_to(compilation.PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
+    module = importlib.import_module(name)
+    ours = [f for f in vars(module).values() if isinstance(f, Dispatcher) and f.py_func.__module__ == name]
+    kept = [f._cache._impl.locator for f in ours if hasattr(f._cache, "_impl")]
+    assert all(isinstance(locator, compilation.Locator) for locator in kept)
+    assert {locator.get_source_stamp() for locator in kept} <= {compilation.stamp(path)}
+
+
+def test_only_the_latest_earlier_sources_stay(tmp_path, monkeypatch):
+    monkeypatch.setattr(compilation, "folder", lambda: tmp_path)
+    for k in range(6):
+        monkeypatch.setattr(compilation, "stamp", lambda _, k=k: f"{k:016d}")
+        locator = compilation.Locator(lambda: None, compilation.PACKAGE / "kalman" / "linear.py")
+        locator.ensure_cache_path()
+        os.utime(locator.get_cache_path(), (k, k))
+    assert sorted(os.listdir(tmp_path / "kalman" / "linear")) == [f"{k:016d}" for k in range(2, 6)]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_read_only_home_of_the_cache_falls_back(tmp_path):
+    (tmp_path / "cache").mkdir(mode=0o500)
+    code = "from geokalman import compilation; print(compilation.folder())"
+    [folder] = in_copy(compilation.PACKAGE.parent, code, NUMBA_CACHE_DIR=str(tmp_path / "cache" / "x"))
+    assert not folder.startswith(str(tmp_path)) and os.access(folder, os.W_OK)
+
+
+OWN = "from pathlib import Path; import tempfile; own = Path(tempfile.gettempdir(), f'geokalman-{os.getuid()}')"
+FORBIDDEN = {
+    "ours": ("own.mkdir(0o700)", True),
+    "new": ("", True),
+    "readable": ("own.mkdir(0o755)", False),
+    "writable": ("own.mkdir(); own.chmod(0o777)", False),
+    "link": ("Path(own.parent, 'x').mkdir(0o700); own.symlink_to('x')", False),
+    "dangling": ("own.symlink_to('nowhere')", False),
+    "file": ("own.touch()", False),
+    "another's": ("owner = os.getuid(); os.getuid = lambda: owner + 1; own = own.with_name(f'geokalman-{owner + 1}'); own.mkdir(0o700)", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("prepare, taken", FORBIDDEN.values(), ids=FORBIDDEN)
+def test_the_temporary_home_of_the_cache_is_private(tmp_path, prepare, taken):
+    """Machine code that another user put there would be executed; a fresh folder is made, and goes with the process."""
+    (tmp_path / "temporary").mkdir()
+    (tmp_path / "no folder").touch()
+    code = f"import os\n{OWN}\n{prepare}\nfrom geokalman import compilation; home = compilation.folder()\n"
+    code += "print(home == own, oct(home.stat().st_mode)[-3:], home.is_symlink(), home)"
+    asked = {"NUMBA_CACHE_DIR": str(tmp_path / "no folder" / "cache"), "TMPDIR": str(tmp_path / "temporary")}
+    own, mode, link, home = in_copy(compilation.PACKAGE.parent, code, **asked)
+    assert (own, mode, link) == (str(taken), "700", "False")
+    assert Path(home).parent == tmp_path / "temporary" and Path(home).exists() == taken

@@ -7,12 +7,13 @@ import io
 import numpy as np
 import pytest
 
-from geokalman import files
+from execbook import project
+from geokalman import data
 from geokalman.physics.ephemeris import load_ephemeris
 from geokalman.physics.harmonics import load_field
 from geokalman.physics.spk import Segment
 
-DATA = files.project_root() / "data"
+DATA = project.root() / "data"
 
 
 @pytest.fixture
@@ -61,7 +62,7 @@ def test_photons_are_kept_as_they_are(script):
     packed = make.convert("rxte_orbit.fits.gz", content)
     assert gzip.decompress(packed) == content and packed == make.convert("rxte_orbit.fits.gz", content)
     assert make.convert("b1509.par", b"F0 1") == b"F0 1"
-    assert {f"photons/{name}" for name in make.FILES} == {n for n in files.registry() if n.startswith("photons/")}
+    assert {f"photons/{name}" for name in make.FILES} == {n for n in data.registry() if n.startswith("photons/")}
 
 
 def test_another_archive_is_refused(script, tmp_path):

@@ -8,19 +8,20 @@ import zipfile
 import numpy as np
 import pytest
 
-from geokalman import files
+from execbook import project
+from geokalman import data as vendored
 from geokalman.physics import harmonics
 from geokalman.physics.harmonics import load_field
 
-DATA = files.project_root() / "data"
+DATA = project.root() / "data"
 FIELDS = {"source", "source_sha256", "licence", "citation", "script", "sha256", "bytes"}
 
 
 def faults(root, name):
     """What is wrong with one registered file: missing words, another size, no exact source, no script."""
-    entry = files.registry(root)[name]
+    entry = vendored.registry(root)[name]
     found = [field for field in sorted(FIELDS) if not entry.get(field)]
-    if entry.get("bytes") != files.data_path(name, root).stat().st_size:
+    if entry.get("bytes") != vendored.data_path(name, root).stat().st_size:
         found.append("bytes")
     if "==" not in entry.get("source", ""):
         found.append("source without a version")
@@ -34,16 +35,16 @@ def unregistered(root):
     own = {"registry.json", "LICENSES.md"}
     data = root / "data"
     found = {str(p.relative_to(data)) for p in data.rglob("*") if p.is_file() and "scripts" not in p.parts}
-    return (found - own) ^ set(files.registry(root))
+    return (found - own) ^ set(vendored.registry(root))
 
 
 def without_licence(root):
     """Registered files whose name, or whose folder's, the page of licences does not give."""
     page = (root / "data" / "LICENSES.md").read_text(encoding="utf-8")
-    return [name for name in files.registry(root) if f"`{name.partition('/')[0]}" not in page]
+    return [name for name in vendored.registry(root) if f"`{name.partition('/')[0]}" not in page]
 
 
-@pytest.mark.parametrize("name", sorted(files.registry()))
+@pytest.mark.parametrize("name", sorted(vendored.registry()))
 def test_each_vendored_file_is_whole_and_documented(name):
     assert not faults(DATA.parent, name)
 
@@ -59,7 +60,7 @@ def planted(tmp_path):
     (tmp_path / "data" / "scripts" / "make_toy.py").touch()
     (tmp_path / "data" / "toy.txt").write_text("toy")
     sound = dict.fromkeys(FIELDS, "x") | {
-        "sha256": files.sha256(tmp_path / "data" / "toy.txt"), "bytes": 3, "source": "toy==1.0",
+        "sha256": vendored.sha256(tmp_path / "data" / "toy.txt"), "bytes": 3, "source": "toy==1.0",
         "script": "data/scripts/make_toy.py",
     }  # fmt: skip
 
@@ -132,7 +133,7 @@ def test_scripts_refuse_a_wheel_that_is_not_the_pinned_one(monkeypatch, tmp_path
         archive.writestr("inner.txt", "words")
     with pytest.raises(SystemExit, match="wrong.whl has SHA-256 .*, not 00: not the toy 1.0 we vendored from"):
         vendoring.wheel("toy", "1.0", "00", str(tmp_path / "wrong.whl"))
-    right = vendoring.wheel("toy", "1.0", files.sha256(tmp_path / "wrong.whl"), str(tmp_path / "wrong.whl"))
+    right = vendoring.wheel("toy", "1.0", vendored.sha256(tmp_path / "wrong.whl"), str(tmp_path / "wrong.whl"))
     with pytest.raises(SystemExit, match="inner.txt has SHA-256"):
         vendoring.extract(right, "inner.txt", "00")
 
@@ -142,16 +143,16 @@ def test_registering_a_file(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(vendoring, "DATA", tmp_path)
     (tmp_path / "b.txt").write_text("b")
     vendoring.register("b.txt", licence="public domain")
-    assert files.json.loads((tmp_path / "registry.json").read_text()) == {
-        "b.txt": {"sha256": files.sha256(tmp_path / "b.txt"), "bytes": 1, "licence": "public domain"}
+    assert json.loads((tmp_path / "registry.json").read_text()) == {
+        "b.txt": {"sha256": vendored.sha256(tmp_path / "b.txt"), "bytes": 1, "licence": "public domain"}
     }
     assert capsys.readouterr().out == "data/b.txt: 1 bytes\n"
 
 
 def test_a_damaged_field_is_told_from_a_good_one(tmp_path, monkeypatch):
     (tmp_path / "egm96.npz").write_bytes((DATA / "egm96.npz").read_bytes()[:5000])
-    monkeypatch.setattr(files, "data_path", lambda name: tmp_path / name)
-    with pytest.raises(files.CorruptedData, match="is no field made by data/scripts/make_egm96.py"):
+    monkeypatch.setattr(harmonics, "data_path", lambda name: tmp_path / name)
+    with pytest.raises(vendored.CorruptedData, match="is no field made by data/scripts/make_egm96.py"):
         harmonics.load_field()
 
 
@@ -171,10 +172,10 @@ def no_network(monkeypatch):
 def test_maps_find_their_coastline_without_a_network(no_network, tmp_path):
     from cartopy.io import shapereader
 
-    no_network(files.natural_earth_dir())
+    no_network(vendored.natural_earth_dir())
     for name, kind in (("coastline", "LineString"), ("land", "Polygon")):
         path = shapereader.natural_earth("110m", "physical", name)
-        assert str(path).startswith(str(files.natural_earth_dir()))
+        assert str(path).startswith(str(vendored.natural_earth_dir()))
         shapes = list(shapereader.Reader(path).geometries())
         assert len(shapes) > 100 and kind in shapes[0].geom_type
     no_network(tmp_path)

@@ -14,7 +14,8 @@ from environmenttool import ROOT, SCRIPT, load
 def tool(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The script on a copy of the project's locks; what it would run is written into its `diary`."""
     module = load()
-    for name in ("environment.txt", "environment-test.txt", "pyproject.toml"):
+    for name in ("environment.txt", "tools/locks/test.txt", "tools/locks/uv.txt", "pyproject.toml"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(name)
     module.diary, module.answer = [], {}
 
@@ -45,12 +46,12 @@ def test_the_environment_follows_its_locks(tool, tmp_path: Path) -> None:
     folder = tmp_path / "venv"
     assert entries(tool, folder) == WHOLE
     assert entries(tool, folder) == []
-    assert entries(tool, folder, "test") == ["uv.txt", "environment-test.txt", "check"]
+    assert entries(tool, folder, "test") == ["uv.txt", "test.txt", "check"]
     assert entries(tool, folder, "test") == []
     (tmp_path / "pyproject.toml").write_text("changed")
     assert entries(tool, folder) == ["package", "src", "check"]
     (tmp_path / "environment.txt").write_text("changed")
-    assert entries(tool, folder, "test") == ["uv.txt", "environment.txt", "environment-test.txt", "package", "src", "check"]
+    assert entries(tool, folder, "test") == ["uv.txt", "environment.txt", "test.txt", "package", "src", "check"]
 
 
 @pytest.mark.parametrize("where", ["new", "environment.txt", "package", "check"])

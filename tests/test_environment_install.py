@@ -51,7 +51,7 @@ def build_editable(folder, *_):
 def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A clone with a small lock a week later: `base`, which `plugin` requires with an extra, has a newer release."""
     clone, links = tmp_path / "clone", tmp_path / "links"
-    (clone / "tools").mkdir(parents=True)
+    (clone / "tools" / "locks").mkdir(parents=True)
     links.mkdir()
     shutil.copy(SCRIPT, clone / "tools")
     extra = ("Provides-Extra: more", 'Requires-Dist: helper; extra == "more"')
@@ -60,7 +60,7 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     lock += wheel(links, "plugin", "1.0", "Requires-Dist: base[more]")
     wheel(links, "base", "2.0", *extra)
     (clone / "environment.txt").write_text(lock)
-    (clone / "tools" / "uv.txt").write_text(wheel(tmp_path, "uv", "1.0"))  # which no index has
+    (clone / "tools" / "locks" / "uv.txt").write_text(wheel(tmp_path, "uv", "1.0"))  # which no index has
     (clone / "pyproject.toml").write_text(
         '[build-system]\nrequires = []\nbuild-backend = "backend"\nbackend-path = ["."]\n'
         '[project]\nname = "geokalman"\nversion = "0"\n'
@@ -79,7 +79,7 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def offer_uv(stranger: Path, script: str) -> None:
     """Put a wheel of uv that is but this shell script where packages come from, and pin it."""
     line = wheel(stranger.parent / "links", "uv", "1.0", script=f"#!/bin/sh\n{script}\n")
-    (stranger / "tools" / "uv.txt").write_text(line)
+    (stranger / "tools" / "locks" / "uv.txt").write_text(line)
 
 
 def set_up(stranger: Path, python: Path = Path(sys.executable), **more: str) -> str:
@@ -175,7 +175,7 @@ esac
 def slow(tmp_path: Path):
     """A function that starts the script with a Python that installs nothing, slowly or at once."""
     clone = tmp_path / "clone"
-    (clone / "tools").mkdir(parents=True)
+    (clone / "tools" / "locks").mkdir(parents=True)
     shutil.copy(SCRIPT, clone / "tools")
     for name in ("environment.txt", "pyproject.toml"):
         (clone / name).write_text(name)

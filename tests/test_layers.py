@@ -8,38 +8,38 @@ from pathlib import Path
 
 import pytest
 
-from geokalman import reproduce
-from geokalman.reproduce import notebooks
+import execbook
+from execbook import notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "geokalman"
 APPLICATIONS = {"grace", "attitude", "airborne", "radioastron", "pulsar"}
-GROUND = {"constants", "files", "reading", "style", "sources", "compilation", "memory", "progress"}
+GROUND = {"constants", "data", "reading", "style", "compilation", "memory", "progress"}
 MODELS = {"physics", "leastsquares", "kalman"}
 ALLOWED = {
     **{application: {application} | MODELS | GROUND for application in APPLICATIONS},
-    "reproduce": {"reproduce"} | GROUND,
+    "cli": set(),
     "physics": {"physics", "leastsquares", "kalman"} | GROUND,
     "leastsquares": {"leastsquares", "kalman"} | GROUND,
-    "kalman": {"kalman"},
+    "kalman": {"kalman", "compilation"},
     "constants": set(),
-    "files": {"constants"},
+    "data": set(),
     "reading": set(),
     "style": set(),
-    "sources": {"compilation"},
     "compilation": set(),
     "memory": set(),
     "progress": set(),
-    "": {"sources"},  # the package itself
+    "": set(),  # the package itself
 }
 OUTSIDE = {
     "kalman": {"numpy", "scipy", "numba"},
     "style": {"matplotlib"},
-    "sources": set(),
-    "compilation": set(),
+    "compilation": {"numba"},
+    "cli": {"execbook"},
+    "": set(),
     "memory": set(),
     "progress": set(),
-    "files": set(),
+    "data": set(),
     "reading": set(),
     "constants": set(),
 }
@@ -97,14 +97,25 @@ def truth_seen(path: Path) -> set[str]:
 
 def machinery(code: str) -> set[str]:
     """What a notebook's code takes from the machinery beside what that offers to notebooks."""
-    offered = {f"geokalman.reproduce.{name}" for name in reproduce.__all__}
-    return {name for name in imported(code) if f"{name}.".startswith("geokalman.reproduce.")} - offered
+    offered = {f"execbook.{name}" for name in execbook.__all__}
+    return {name for name in imported(code) if f"{name}.".startswith("execbook.")} - offered
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_run_downward(path):
     assert part_of(path) in ALLOWED, "a new part: say here and in CONTRIBUTING.md what it may import"
     assert not upward(path)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_command_alone_knows_the_machinery(path):
+    assert part_of(path) == "cli" or not {name for name in imports(path) if name.split(".")[0] == "execbook"}
+
+
+def test_the_machinery_knows_no_algorithm():
+    """It serves another book as well: what it needs of a project is declared in `book/execbook.toml`."""
+    for path in (PACKAGE.with_name("execbook")).rglob("*.py"):
+        assert not {n for n in imported(path.read_text(encoding="utf-8")) if n.split(".")[0] == "geokalman"}, path
 
 
 @pytest.mark.parametrize(
@@ -126,7 +137,7 @@ def test_there_are_estimators_to_hold_to_it():
 @pytest.mark.parametrize("name", notebooks.names(ROOT))
 def test_notebooks_use_applications_and_the_recorder_only(name):
     code = notebooks.code(notebooks.read(ROOT, name))
-    assert "geokalman.reproduce.Notebook" in imported(code)
+    assert "execbook.Notebook" in imported(code)
     assert not machinery(code)
 
 
@@ -177,11 +188,11 @@ def test_truth_is_seen_through_a_helper(planted):
 @pytest.mark.parametrize(
     ("text", "found"),
     [
-        ("from geokalman.reproduce import Notebook, Misuse\nfrom geokalman.grace import assess", set()),
-        ("from geokalman.reproduce.errors import Misuse", {"geokalman.reproduce.errors.Misuse"}),
-        ("from geokalman import reproduce", {"geokalman.reproduce"}),
-        ("if True:\n    import geokalman.reproduce.claims", {"geokalman.reproduce.claims"}),
-        ("from geokalman.reproduce import claims", {"geokalman.reproduce.claims"}),
+        ("from execbook import Notebook, Misuse\nfrom geokalman.grace import assess", set()),
+        ("from execbook.errors import Misuse", {"execbook.errors.Misuse"}),
+        ("import execbook", {"execbook"}),
+        ("if True:\n    import execbook.claims", {"execbook.claims"}),
+        ("from execbook import claims", {"execbook.claims"}),
     ],
 )
 def test_a_notebook_that_reaches_into_the_machinery_is_seen(tmp_path, text, found):

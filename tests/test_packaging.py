@@ -22,7 +22,7 @@ from packaging.utils import canonicalize_name
 import geokalman
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ["environment", "environment-test", "environment-lab"]
+LOCKS = ["environment", "tools/locks/test", "tools/locks/lab"]
 
 
 def chosen(root: Path, name: str) -> dict[str, Requirement]:
@@ -112,9 +112,9 @@ def test_the_package_agrees_with_its_lock_and_its_papers() -> None:
 
 
 def test_the_installer_is_pinned_by_hash() -> None:
-    (pinned,) = locked(ROOT, "tools/uv").items()
+    (pinned,) = locked(ROOT, "tools/locks/uv").items()
     assert pinned[0] == "uv" and len(pinned[1]) == 1
-    assert (ROOT / "tools" / "uv.txt").read_text().count("--hash=sha256:") > 10  # one for each platform
+    assert (ROOT / "tools/locks/uv.txt").read_text().count("--hash=sha256:") > 10  # one for each platform
 
 
 def test_make_has_the_targets_that_others_script_against() -> None:
@@ -128,10 +128,10 @@ def test_the_gate_is_a_sound_script_that_others_call() -> None:
 @pytest.mark.parametrize(
     ("path", "old", "new", "faults", "words"),
     [
-        ("environment-lab.txt", "jinja2==", "--index-url https://a.org\njinja2==", faults_of_lock, "://"),
-        ("environment-lab.txt", r"jinja2==(\S+) .*(\n +--hash.*)+", r"jinja2==\1", faults_of_lock, "jinja2=="),
-        ("environment-lab.txt", "jinja2==", "jinja2==0.", faults_of_lock, "jinja2"),
-        ("environment-lab.in", r"\Z", "\nnowhere>=2\n", faults_of_lock, "nowhere>=2"),
+        ("tools/locks/lab.txt", "jinja2==", "--index-url https://a.org\njinja2==", faults_of_lock, "://"),
+        ("tools/locks/lab.txt", r"jinja2==(\S+) .*(\n +--hash.*)+", r"jinja2==\1", faults_of_lock, "jinja2=="),
+        ("tools/locks/lab.txt", "jinja2==", "jinja2==0.", faults_of_lock, "jinja2"),
+        ("tools/locks/lab.in", r"\Z", "\nnowhere>=2\n", faults_of_lock, "nowhere>=2"),
         ("environment.txt", "numba==", "numba==0.0.", faults_of_package, "numba"),
         ("environment.in", r"(?m)^scipy.*\n", "", faults_of_package, "scipy"),
         ("pyproject.toml", 'version = "', 'version = "9.', faults_of_package, "9."),
@@ -147,12 +147,12 @@ def test_the_gate_is_a_sound_script_that_others_call() -> None:
     ],
 )
 def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, faults, words: str) -> None:
-    names = [f"{lock}.{kind}" for lock in ("environment", "environment-lab") for kind in ("in", "txt")]
+    names = [f"{lock}.{kind}" for lock in ("environment", "tools/locks/lab") for kind in ("in", "txt")]
     names += "pyproject.toml CITATION.cff LICENSE LICENSE-TEXT CHANGELOG.md Makefile .ci/run".split()
     for name in [*names, ".github/workflows/ci.yml"]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
-    arguments = (tmp_path, "environment-lab") if faults is faults_of_lock else (tmp_path,)
+    arguments = (tmp_path, "tools/locks/lab") if faults is faults_of_lock else (tmp_path,)
     assert not faults(*arguments)
     text, count = re.subn(old, new, (tmp_path / path).read_text(), count=1)
     assert count == 1
@@ -162,8 +162,8 @@ def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, 
 
 
 def beside_the_package(names: list[str]) -> list[str]:
-    """Files of a wheel that are neither the package's, nor its entry point's, nor its metadata's."""
-    return [name for name in names if not name.startswith(("geokalman/", "geokalman_entry.py", "geokalman-"))]
+    """Files of a wheel that are neither of the two packages, nor the entry point, nor metadata."""
+    return [name for name in names if not name.startswith(("geokalman/", "execbook/", "geokalman_entry.py", "geokalman-"))]
 
 
 def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
@@ -186,13 +186,13 @@ def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:
     subprocess.run(command, cwd=clone, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert {"geokalman/py.typed", "geokalman/files.py", "geokalman/kalman/__init__.py"} <= set(names)
+    assert {"geokalman/py.typed", "geokalman/data.py", "execbook/cli.py", "geokalman/kalman/__init__.py"} <= set(names)
     assert not beside_the_package(names)
     assert beside_the_package([*names, "book/index.md"]) == ["book/index.md"]
     away = tmp_path / "away"
     away.mkdir()
     zipfile.ZipFile(wheel).extractall(away)
-    code = "from geokalman import files; files.data_path('egm96.npz')"
+    code = "from geokalman import data; data.data_path('egm96.npz')"
     environment = {k: v for k, v in os.environ.items() if not k.startswith("GEOKALMAN")} | {
         "PYTHONPATH": str(away),
         "XDG_CACHE_HOME": str(away),
@@ -233,7 +233,7 @@ def test_a_clone_is_byte_exact_whatever_git_does_to_line_ends(tmp_path: Path) ->
     registry = json.loads((clone / "data" / "registry.json").read_text())
     digests = {name: hashlib.sha256((clone / "data" / name).read_bytes()).hexdigest() for name in registry}
     assert digests == {name: entry["sha256"] for name, entry in registry.items()}
-    for name in [*(f"{lock}.txt" for lock in LOCKS), "tools/uv.txt", "tools/lock.sh", ".ci/run", "Makefile"]:
+    for name in [*(f"{lock}.txt" for lock in LOCKS), "tools/locks/uv.txt", "tools/lock.sh", ".ci/run", "Makefile"]:
         assert b"\r" not in (clone / name).read_bytes(), name
 
 

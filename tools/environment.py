@@ -3,7 +3,7 @@
     python3 tools/environment.py [--venv DIR] [test] [lab]
 
 installs environment.txt, the package itself (editable), and the named further locks: just what stands there, without
-resolving anything. The uv that tools/uv.txt pins does it; where uv cannot be had or fails, pip does. Nothing is done
+resolving anything. The uv that tools/locks/uv.txt pins does it; where uv cannot be had or fails, pip does. Nothing is done
 where the locks, the interpreter and the place are those of the last time. Two at once wait for each other.
 """
 # A Python as old as 3.6 must get far enough to be refused in one sentence: no `from __future__`, no later syntax.
@@ -43,15 +43,15 @@ _STAMP = "installed.json"
 def main() -> None:
     parser = argparse.ArgumentParser(description="Keep .venv as the locks say.")
     parser.add_argument("--venv", type=Path, default=ROOT / ".venv")
-    parser.add_argument("extras", nargs="*", help="further locks: environment-EXTRA.txt")
+    parser.add_argument("extras", nargs="*", help="further locks: tools/locks/EXTRA.txt")
     options = parser.parse_args()
     refuse = unsupported(this_host())
     if refuse:
         sys.exit(refuse)
     unknown = [extra for extra in options.extras if not lock_file(extra).is_file()]
     if unknown:
-        there = ", ".join(sorted(path.name for path in ROOT.glob("environment*.txt")))
-        sys.exit(f"There is no {lock_file(unknown[0]).name}; the locks are {there}.")
+        there = ", ".join(sorted(path.stem for path in (ROOT / "tools" / "locks").glob("*.txt")))
+        sys.exit(f"There is no lock {unknown[0]!r}; the locks beside environment.txt are {there}.")
     folder = options.venv.resolve()
     with alone(folder):
         bring_up_to_date(folder, options.extras)
@@ -119,7 +119,7 @@ def dotted(version: tuple) -> str:
 
 def lock_file(name: str) -> Path:
     """Path of the lock `name`; the empty name is the reader's."""
-    return ROOT / (f"environment-{name}.txt" if name else "environment.txt")
+    return ROOT / (f"tools/locks/{name}.txt" if name else "environment.txt")
 
 
 @contextmanager
@@ -176,7 +176,7 @@ def bring_up_to_date(folder: Path, extras: list) -> None:
         pending, stamp = list(wanted), dict(place)
     if pending:
         (folder / _STAMP).unlink(missing_ok=True)  # an interrupted installation starts anew
-        if failure(pip(python, *_LOCKED, ROOT / "tools" / "uv.txt")) is not None:
+        if failure(pip(python, *_LOCKED, lock_file("uv"))) is not None:
             say("uv cannot be had here; pip installs, which takes longer")
     for name in pending:
         say(f"installing {lock_file(name).name} (the first time takes a minute or two)")

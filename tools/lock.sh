@@ -10,14 +10,14 @@ compile() {
 }
 compile environment.in -o environment.txt
 for extra in test lab; do
-    compile -c environment.txt "environment-$extra.in" -o "environment-$extra.txt"
+    compile -c environment.txt "tools/locks/$extra.in" -o "tools/locks/$extra.txt"
 done
-compile tools/uv.in -o tools/uv.txt
+compile tools/locks/uv.in -o tools/locks/uv.txt
 
 nowhere=$(mktemp -d)
 trap 'rm -rf "$nowhere"' EXIT
 export MACOSX_DEPLOYMENT_TARGET=14.0
-for lock in environment.txt environment-test.txt environment-lab.txt tools/uv.txt; do
+for lock in environment.txt tools/locks/*.txt; do
     for machine in x86_64-manylinux_2_28 aarch64-manylinux_2_28 aarch64-apple-darwin; do
         for python in 3.11 3.12 3.13; do
             "$uv" pip install --quiet --dry-run --target "$nowhere" --python-platform "$machine" \

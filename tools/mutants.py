@@ -34,7 +34,7 @@ SOURCE = ROOT / "src"
 TESTS = {
     "geokalman/kalman": "tests/kalman",
     "geokalman/leastsquares.py": "tests/test_leastsquares.py",
-    "geokalman/reproduce/claims.py": "tests/reproduce/test_claims.py",
+    "execbook/claims.py": "tests/execbook/test_claims.py",
 }
 SLOW = 1.5  # CPU seconds of a test, compilation off, beyond which it takes no part
 COMPARE = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq}

@@ -13,9 +13,4 @@ Random     every random number comes from a ``numpy.random.Generator`` that the 
            uses ``default_rng(seed0 + i)``.
 """
 
-from geokalman import sources as _sources
-
 __version__ = "0.1.0"
-
-# Before numba is imported by any submodule: a cached caller would keep the old body of a callee edited in another file.
-_sources.key_compilation_cache()

@@ -9,7 +9,7 @@ import pytest
 
 from geokalman.airborne import read
 from geokalman.airborne.read import tables
-from geokalman.files import data_path
+from geokalman.data import data_path
 
 _spec = importlib.util.spec_from_file_location("surveyfiles", Path(__file__).with_name("surveyfiles.py"))
 surveyfiles = importlib.util.module_from_spec(_spec)

@@ -5,7 +5,7 @@ import pytest
 
 from geokalman.airborne import corrections
 
-boule = pytest.importorskip("boule", reason="boule is a test dependency (environment-test.txt)")
+boule = pytest.importorskip("boule", reason="boule is a test dependency (tools/locks/test.txt)")
 
 
 def test_normal_gravity_on_the_ellipsoid():

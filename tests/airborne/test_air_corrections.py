@@ -50,7 +50,7 @@ def test_the_contractors_columns_are_reproduced(six):
 
 def test_columns_of_the_file_agree_with_the_formulas():
     from geokalman.airborne.read import tables
-    from geokalman.files import data_path
+    from geokalman.data import data_path
 
     table = tables.read_table(data_path("kauring_2012.xz"))
     lat = np.radians(table["LAT"])

@@ -9,7 +9,7 @@ from surveyfiles import HEADER, cut, write_csv
 from geokalman.airborne import read
 from geokalman.airborne.read import checks, quality, tables
 from geokalman.airborne.read import KAURING, survey
-from geokalman.files import data_path
+from geokalman.data import data_path
 from geokalman.reading import InputError
 
 

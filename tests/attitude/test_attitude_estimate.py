@@ -188,9 +188,9 @@ def test_nothing_to_start_from_is_said(short, tuning):
         estimate.mekf(m._replace(z=np.full_like(m.z, np.nan)), tuning)
     with pytest.raises(ValueError, match="no gyro increment"):
         estimate.akf7(m._replace(d=np.full_like(m.d, np.nan)), tuning)
-    for run in (estimate.mekf, estimate.akf7):
+    for method in (estimate.mekf, estimate.akf7):
         with pytest.raises(NotPositiveDefinite, match="innovation covariance"):
-            run(m._replace(R=np.full_like(m.R, -1.0)), tuning)
+            method(m._replace(R=np.full_like(m.R, -1.0)), tuning)
 
 
 @pytest.mark.parametrize(("gap_s", "sigma"), [(60.0, 2.4e-6), (600.0, 5.1e-6)])

@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable
 
-from geokalman.files import project_root
+from execbook.project import root as project_root
 
 
 def smallest(work: Callable[[], object], runs: int = 7) -> float:

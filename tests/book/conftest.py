@@ -16,8 +16,8 @@ import pytest
 from filelock import FileLock
 from matplotlib.figure import Figure
 
-from geokalman.files import project_root
-from geokalman.reproduce import execute, notebooks, parameters, reference, settings
+from execbook.project import root as project_root
+from execbook import execute, notebooks, parameters, reference, settings
 
 _spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
 toybook = importlib.util.module_from_spec(_spec)
@@ -39,7 +39,7 @@ def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if not (Path(told) / "index.html").is_file():
             pytest.fail(f"GEOKALMAN_BOOK={told} holds no index.html; call `make book` first.")
         return Path(told).resolve()
-    from geokalman.reproduce import html, stage
+    from execbook import html, stage
 
     root = toybook.make(tmp_path_factory.mktemp("browser") / "clone")
     stage.stage(root)
@@ -89,8 +89,8 @@ def run_here() -> Callable[..., Path]:
         made = itertools.count()
         with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
             warnings.simplefilter("default")  # as in a kernel
-            patch.setenv("GEOKALMAN_ROOT", str(root))
-            patch.setenv("GEOKALMAN_OUT", str(out))
+            patch.setenv("EXECBOOK_ROOT", str(root))
+            patch.setenv("EXECBOOK_OUT", str(out))
             patch.chdir(root / "book" / paper)
             if themes == 1:  # a figure comes twice, light and dark
                 patch.setattr(Figure, "savefig", lambda *a, **k: next(made) % 2 or savefig(*a, **k))

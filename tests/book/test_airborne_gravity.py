@@ -15,8 +15,9 @@ import pytest
 from geokalman.airborne import corrections, experiment, read
 from geokalman.airborne.read import checks, tables
 from geokalman.airborne.model import Tuning
-from geokalman.files import data_path, project_root
-from geokalman.reproduce import claims, reference
+from execbook.project import root as project_root
+from geokalman.data import data_path
+from execbook import claims, reference
 
 PAPER = "airborne-gravity"
 ROOT = project_root(Path(__file__).parent)
@@ -33,14 +34,6 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands 
 def run(run_notebook) -> Callable[..., Path]:
     """The quick run folder of a notebook."""
     return partial(run_notebook, PAPER)
-
-
-@pytest.mark.parametrize("name", ANCHORED)
-def test_anchors_of_the_specification(run, assert_held, name):
-    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
-    assert wanted, "every notebook but the timing and the joint ones has a quick anchor"
-    metrics = reference.read_run(run(name))[1]
-    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", QUICK)

@@ -14,8 +14,8 @@ import pytest
 from geokalman.attitude import experiment, write
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import SATELLITES, Scenario
-from geokalman.files import project_root
-from geokalman.reproduce import claims, parameters, reference
+from execbook.project import root as project_root
+from execbook import claims, parameters, reference
 
 PAPER = "gracefo-attitude"
 ROOT = project_root(Path(__file__).parent)
@@ -27,14 +27,6 @@ pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="hours of fligh
 def run(run_notebook) -> Callable[..., Path]:
     """The run folder of a notebook at its quick scale."""
     return partial(run_notebook, PAPER)
-
-
-@pytest.mark.parametrize("name", NOTEBOOKS)
-def test_anchors_of_the_specification(run, assert_held, name):
-    wanted = [a for a in reference.anchors(ROOT, PAPER) if (a.notebook, a.mode) == (f"{PAPER}/{name}", "quick")]
-    assert wanted, "every notebook has an anchor"
-    _, metrics, _ = reference.read_run(run(name))
-    assert_held(reference.hold(wanted, metrics))
 
 
 @pytest.mark.parametrize("name", NOTEBOOKS)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import toybook
 
-from geokalman.reproduce import reference
+import toybook
+from execbook import reference
 
 METRICS = {"wave.rms": {"value": 0.70711, "unit": "m"}}
 
@@ -55,9 +55,9 @@ def test_a_figure_without_data_is_seen_unless_it_needs_none(run: Path, assert_dr
 
 
 def test_a_number_that_moved_is_seen(assert_held) -> None:
-    anchors = [reference.Anchor.model_validate({"notebook": "a/b", "mode": "quick", "key": "wave.rms", "max": 0.8})]
-    assert_held(reference.hold(anchors, METRICS))
+    anchors = [{"max": 0.8, "source": "section 1"}]
+    assert_held(reference.hold("wave.rms", anchors, METRICS["wave.rms"]))
     with pytest.raises(AssertionError, match="wave.rms: 0.9, wanted None, beyond max 0.8"):
-        assert_held(reference.hold(anchors, {"wave.rms": {"value": 0.9, "unit": "m"}}))
+        assert_held(reference.hold("wave.rms", anchors, {"value": 0.9, "unit": "m"}))
     with pytest.raises(AssertionError, match="wave.rms: None, wanted None, not recorded"):
-        assert_held(reference.hold(anchors, {}))
+        assert_held(reference.hold("wave.rms", anchors, None))

@@ -12,10 +12,10 @@ from pathlib import Path
 import nbformat
 import numpy as np
 import pytest
-import toybook
 
-from geokalman.reproduce import blocks, contents, html, reference, stage
-from geokalman.reproduce.errors import Fault
+import toybook
+from execbook import blocks, contents, html, reference, stage
+from execbook.errors import Fault
 
 RUN = Path("book/_build/runs") / toybook.PAGE
 
@@ -37,7 +37,7 @@ def rerecord(root: Path, change) -> None:
 
 
 def test_pages_come_in_the_order_of_the_contents(toy_root: Path) -> None:
-    assert contents.pages(toy_root / "book/_toc.yml") == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
+    assert contents.pages(toy_root) == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
 
 
 def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> 
 
 def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) -> None:
     prose = text(toy_root, "markdown")
-    assert "```{table} Two methods.\n:name: rms\n\n| method | rms / m |\n| --- | ---: |\n" in prose
+    assert "```{table} Two methods.\n:name: rms\n\n| method | rms / m |\n| :--- | ---: |\n" in prose
     assert "| EKF | 0.8 \\| 9.0\u00a0×\u00a010⁻¹ |" in prose
     assert "{download}`Data (CSV) <01-wave.files/rms.csv>`" in prose
 
@@ -179,21 +179,22 @@ def test_kinds_of_guards_are_counted(toy_root: Path) -> None:
     ]
 
 
-def test_run_times_and_the_package_list(toy_root: Path) -> None:
+def test_run_times(toy_root: Path) -> None:
     assert "| {doc}`/toy/01-wave` | 1.5 |\n| all of {doc}`/toy/index` | 1.5 |\n| the whole book | 1.5 |" in blocks.fill(
         "<!-- run-times -->", toy_root
     )
-    module = toy_root / "src/geokalman/part.py"
-    module.parent.mkdir(parents=True)
-    module.write_text(
-        '"""A part."""\n\ndef act(a, *rest, key=1):\n    """Gives a*b from `a`. More."""\n\n'
-        'def _hidden():\n    """Not shown."""\n\nclass Thing:\n    """A thing."""\n'
-    )
-    listed = blocks.api(toy_root)
-    assert listed.startswith("## `geokalman`\n\n```{rubric} geokalman.part\n:heading-level: 3\n```\n\nA part.\n")
-    assert "`act(a, *rest, key)`\n: Gives a\\*b from `a`.\n" in listed
-    assert "`class Thing`\n: A thing.\n" in listed
-    assert "hidden" not in listed
+
+
+def test_the_modules_of_a_package_are_documented_with_their_source(toy_root: Path) -> None:
+    package = toy_root / "src/toys"
+    package.mkdir(parents=True)
+    for name in ("__init__", "part"):
+        (package / f"{name}.py").touch()
+    listed = blocks.fill("<!-- api: toys -->", toy_root)
+    assert [line for line in listed.splitlines() if "automodule" in line] == [
+        ".. automodule:: toys", ".. automodule:: toys.part",
+    ]  # fmt: skip
+    assert "{download}`part.py </../../../src/toys/part.py>`" in listed
 
 
 def test_what_is_missing_is_named(toy_root: Path) -> None:

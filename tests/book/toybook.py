@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 
+from execbook.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman import style
-from geokalman.reproduce.display import FIGURE_TYPE, TABLE_TYPE
 
 PROJECT = Path(__file__).resolve().parents[2]
 PAGE = "toy/01-wave"
@@ -101,7 +101,7 @@ def make(root: Path) -> Path:
     (book / "practice").mkdir()
     for folder in ("_ext", "_static"):
         shutil.copytree(real / folder, book / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("_config.yml", "references.bib"):
+    for name in ("_config.yml", "execbook.toml", "references.bib"):
         shutil.copyfile(real / name, book / name)
     (root / "data").mkdir()
     (root / "data" / "registry.json").write_text("{}")

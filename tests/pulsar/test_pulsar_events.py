@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman import files
+from geokalman.data import data_path
 from geokalman.pulsar import photons
 from geokalman.pulsar.events import read_events
 from geokalman.pulsar.fits import FitsError, FitsWarning, read_fits
@@ -161,8 +161,8 @@ def test_the_order_of_photons_carries_no_information(fits_file, order):
 
 @pytest.mark.parametrize("parts", [lambda t: [t[0::2], t[1::2]], lambda t: [t[len(t) // 2 :], t[: len(t) // 2]]])
 def test_merged_lists_of_rxte_are_timed_as_the_whole(fits_file, parts):
-    rxte = read_events(files.data_path("photons/b1509_rxte.fits.gz"))
-    raw = read_fits(files.data_path("photons/b1509_rxte.fits.gz"))[0].columns["TIME"]
+    rxte = read_events(data_path("photons/b1509_rxte.fits.gz"))
+    raw = read_fits(data_path("photons/b1509_rxte.fits.gz"))[0].columns["TIME"]
     path = fits_file((GOOD | {"TIMEZERO": 3.37842846}, times(np.concatenate(parts(raw)))))
     merged = read_events(path)
     np.testing.assert_array_equal(merged.t, rxte.t)

@@ -5,8 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman import files
 from geokalman.constants import GM_EARTH
+from geokalman.data import data_path
 from geokalman.physics.kepler import kepler_to_state
 from geokalman.pulsar import photons
 from geokalman.pulsar.fits import FitsError, FitsWarning
@@ -241,7 +241,7 @@ def test_short_holes_and_long_steps_where_interpolation_holds(fits_file, hour):
 def test_the_hole_named_in_a_report_is_refused():
     """No record of RXTE between 200 s after the first and 200 s before the last photon: wrong by 2265 km before."""
     rxte, orbit = (
-        read(files.data_path(f"photons/{name}.fits.gz"))
+        read(data_path(f"photons/{name}.fits.gz"))
         for read, name in ((photons.read_events, "b1509_rxte"), (photons.read_orbit, "rxte_orbit"))
     )
     kept = (orbit.t < rxte.t[0] + 200.0) | (orbit.t > rxte.t[-1] - 200.0)

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from geokalman import files
+from geokalman.data import data_path
 from geokalman.pulsar.par import ParError, ParWarning, par_direction, par_frequency, read_par
 from geokalman.reading import InputError
 
@@ -135,7 +135,7 @@ def test_declinations(par_file, dec, wanted):
 
 def test_ecliptic_positions(par_file):
     """The vendored B1937+21 against its catalogue place; each obliquity turns about the vernal equinox."""
-    par = read_par(files.data_path("photons/b1937.par"))
+    par = read_par(data_path("photons/b1937.par"))
     assert degrees(par_direction(par)) == pytest.approx((294.910672, 21.583090), abs=5e-7)
     assert par_frequency(par, 0.0, 2455321.5) == 641.9282333345536244
     ecliptic = "ELONG 301.9732445337270\nELAT 42.2967523367957\nF0 1\n"

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from geokalman import files
 from geokalman.constants import C_LIGHT
+from geokalman.data import data_path
 from geokalman.pulsar import photons
 
 NEAR = 6.5957
 
 
 def vendored(name):
-    return files.data_path(f"photons/{name}")
+    return data_path(f"photons/{name}")
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from decimal import Decimal, localcontext
 import numpy as np
 import pytest
 
-from geokalman import files
 from geokalman.constants import C_LIGHT
+from geokalman.data import data_path
 from geokalman.physics.ephemeris import load_ephemeris
 from geokalman.pulsar import photons, timing
 from geokalman.pulsar.catalogue import (
@@ -165,9 +165,9 @@ def test_pulsars_near_the_sun_are_flagged():
 def test_positions_are_those_of_the_ephemerides_of_the_pulsars():
     """Against the .par files of observers: within two arc seconds, the rounding of Table 1 and proper motion."""
     for name, number in (("b1509", 5), ("j0218", 6)):
-        par = photons.read_par(files.data_path(f"photons/{name}.par"))
+        par = photons.read_par(data_path(f"photons/{name}.par"))
         assert np.linalg.norm(photons.par_direction(par) - PULSARS[number].direction) < 1e-5
-    par = photons.read_par(files.data_path("photons/b1937.par"))  # in ecliptic coordinates
+    par = photons.read_par(data_path("photons/b1937.par"))  # in ecliptic coordinates
     lon, lat, eps = np.radians([float(par["LAMBDA"]), float(par["BETA"]), 23.43928])
     x, y, z = np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)
     equatorial = np.array([x, y * np.cos(eps) - z * np.sin(eps), y * np.sin(eps) + z * np.cos(eps)])

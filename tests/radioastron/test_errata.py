@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
+from execbook.project import root as project_root
 from geokalman.constants import C_LIGHT, GM_EARTH
-from geokalman.files import project_root
 from geokalman.kalman.linear import predict, update
 from geokalman.physics.satellite import ForceModel
 from geokalman.radioastron import assess, estimate, experiment, oneway, twoway

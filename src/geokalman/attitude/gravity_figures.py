@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.attitude.model import Array
-from geokalman.files import natural_earth_dir
+from geokalman.data import natural_earth_dir
 from geokalman.style import DIVERGING, METHODS, ink, paper
 
 LOOK = {"signal": "truth", "noise": "imu", "none": "mekf", "offset": "jpl_like"}

@@ -8,7 +8,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from geokalman.files import natural_earth_dir
+from geokalman.data import natural_earth_dir
 from geokalman.grace.model import Array
 from geokalman.style import DIVERGING, METHODS, ink, paper
 

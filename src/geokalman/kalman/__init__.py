@@ -48,6 +48,7 @@ aside measures its distance ten times a second.
 True
 """
 
+from geokalman import compilation as _compilation  # noqa: F401  first: it is where compiled functions are kept
 from geokalman.kalman.adaptive import Adaptive
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from geokalman import files
+from geokalman.data import data_path
 from geokalman.physics.timescales import MJD_ZERO, tai_minus_utc, tt_minus_utc
 
 Array = NDArray[np.float64]
@@ -112,8 +112,8 @@ def orientation_point(row: np.ndarray, era: float, out: np.ndarray) -> None:
 
 @functools.cache
 def load_orientation() -> EarthOrientation:
-    """The vendored series; raises files.CorruptedData where it fails its checksum."""
-    with np.load(files.data_path(_VENDORED)) as data:
+    """The vendored series; raises data.CorruptedData where it fails its checksum."""
+    with np.load(data_path(_VENDORED)) as data:
         mjd, leap = data["mjd"], data["mjd"].astype(int)
         ut1_tai = data["ut1_utc"] - np.array([tai_minus_utc(int(day)) for day in leap])
         radians = np.pi / 648000.0

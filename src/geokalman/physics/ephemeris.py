@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from geokalman import files
 from geokalman.constants import J2000
+from geokalman.data import data_path
 from geokalman.physics.spk import Segment, SpkError, read_spk
 
 DAY = 86400.0
@@ -100,7 +100,7 @@ def _name(number: int) -> str:
 def load_ephemeris(path: str | os.PathLike = "") -> Ephemeris:
     """The vendored excerpt of DE421 (empty path), or the SPK file at a path.
 
-    Raises FileNotFoundError, spk.SpkError, or files.CorruptedData where the vendored file fails its checksum.
+    Raises FileNotFoundError, spk.SpkError, or data.CorruptedData where the vendored file fails its checksum.
     """
     if os.fspath(path):
         return Ephemeris(os.path.basename(path), tuple(read_spk(path)))
@@ -109,7 +109,7 @@ def load_ephemeris(path: str | os.PathLike = "") -> Ephemeris:
 
 @functools.cache
 def _vendored() -> Ephemeris:
-    with np.load(files.data_path(_VENDORED)) as data:
+    with np.load(data_path(_VENDORED)) as data:
         segments = [
             Segment(int(target), int(centre), float(start), float(length), 1e3 * data[f"{target}"])
             for target, centre, start, length in zip(

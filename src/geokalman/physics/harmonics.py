@@ -9,8 +9,8 @@ import zipfile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from geokalman import files
 from geokalman.constants import R_MEAN_EARTH
+from geokalman.data import CorruptedData, data_path
 from geokalman.physics.field import Array, GravityField
 from geokalman.physics.icgem import read_gfc
 from geokalman.physics.sphere import area_rms, cell_centred_grid, legendre, synthesis, synthesis_points
@@ -55,13 +55,13 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
         n_max below 2 or above the field's degree; GfcError (a ValueError) where the file is damaged.
     FileNotFoundError
         Neither a name nor a file.
-    geokalman.files.CorruptedData
+    geokalman.data.CorruptedData
         A vendored field that fails its checksum.
     """
     text = os.fspath(name_or_path) or "EGM96"
     vendored = (VENDORED | MONTHLY).get(text.upper())
     if vendored is not None:
-        field = _read_npz(files.data_path(vendored))
+        field = _read_npz(data_path(vendored))
     elif not os.path.isfile(text):
         raise FileNotFoundError(f"No gravity field '{text}': it is neither {' nor '.join(VENDORED)} nor an ICGEM file.")
     else:
@@ -186,4 +186,4 @@ def _read_npz(path: os.PathLike) -> GravityField:
                 **arrays,
             )
     except (zipfile.BadZipFile, KeyError) as error:
-        raise files.CorruptedData(f"{path} is no field made by data/scripts/make_egm96.py: {error}") from None
+        raise CorruptedData(f"{path} is no field made by data/scripts/make_egm96.py: {error}") from None

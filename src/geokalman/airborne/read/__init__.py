@@ -19,7 +19,7 @@ from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout  # noqa: F401 - their usual address
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.read.tables import read_table
-from geokalman.files import data_path
+from geokalman.data import data_path
 from geokalman.reading import InputError
 
 SURVEYS = {"kauring": "kauring_2012.xz", "eastvic": "eastvic_repeats.xyz.xz"}

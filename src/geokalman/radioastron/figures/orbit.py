@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.constants import A_EARTH
-from geokalman.files import natural_earth_dir
+from geokalman.data import natural_earth_dir
 from geokalman.radioastron.figures.drawing import method
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, ink, paper

@@ -1,0 +1,145 @@
+"""What the prose has filled in when the book is staged.
+
+A block is called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`, a recorded number by
+`[[<paper>/<notebook>:<key>]]` within a sentence.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from execbook import claims, display, notebooks, reference, sources, verdicts
+from execbook.errors import Fault
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
+
+_LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
+_NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
+
+
+def fill(text: str, root: Path) -> str:
+    """Replace each call of a block or number; raises Fault for a wrong number of arguments or an unknown number."""
+
+    def block(match: re.Match[str]) -> str:
+        name, argument = match.groups()
+        if name not in BLOCKS:
+            return match.group(0)  # an ordinary comment
+        make, wanted = BLOCKS[name]
+        if bool(argument) != bool(wanted):
+            right = f"<!-- {name}: {wanted} -->" if wanted else f"<!-- {name} -->"
+            raise Fault(f"{match.group(0).strip()} is no block; write {right}.")
+        return f"\n{make(root, argument) if wanted else make(root)}\n"
+
+    def number(match: re.Match[str]) -> str:
+        notebook, key = match.groups()
+        metrics = claims.recorded(root, notebook) or {}
+        if key not in metrics:
+            there = ", ".join(metrics) or "nothing yet"
+            raise Fault(f"{match[0]} names no recorded number; {notebook} records {there}.")
+        return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
+
+    return _NUMBER.sub(number, _LINE.sub(block, text))
+
+
+def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root: Path, lenient: bool) -> None:
+    """Put the numbers that an executed notebook recorded into its own prose, so that the run reads well by itself.
+
+    lenient   a number that it did not record becomes a dash, and those of other notebooks are the book's; else such
+              calls stay for staging, which refuses what it cannot find.
+    """
+
+    def number(match: re.Match[str]) -> str:
+        own = match[1] == name
+        if not lenient and not (own and match[2] in metrics):
+            return match[0]
+        told = (metrics if own else claims.recorded(root, match[1]) or {}).get(match[2])
+        return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
+
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = _NUMBER.sub(number, cell.source)
+
+
+def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Give claims in columns that fit a page: the reason of a verdict stands small below what the paper says."""
+    shown = [name for name in header if name != "Why"]
+    lines = []
+    for row in rows:
+        told = {name: _plain(text) for name, text in zip(header, row, strict=True)}
+        if why := told.pop("Why", ""):
+            told[shown[0]] += f"<br><small>{why}</small>"
+        lines.append(f"| {' | '.join(told[name] for name in shown)} |")
+    return "\n".join([f"| {' | '.join(shown)} |", f"|{' --- |' * len(shown)}", *lines])
+
+
+def _plain(text: str) -> str:
+    """Give a text on one line (its no-break spaces kept) with its markup characters escaped."""
+    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"[ \t\r\n]+", " ", text))
+
+
+def _verdicts(root: Path, paper: str) -> str:
+    rows = [verdicts.row(judgement) for judgement in claims.judge_paper(root, paper)]
+    caption = "Every number and claim that the paper prints, and what this build found."
+    return f"```{{table}} {caption}\n:name: claims-{paper}\n\n{claims_table(verdicts.HEADER, rows)}\n```\n"
+
+
+def _near_claims(root: Path) -> str:
+    """List the claims whose number lies near a threshold, the nearest first."""
+    rows = []
+    found = [j for paper in claims.papers(root) for j in claims.judge_paper(root, paper) if j.is_near]
+    for judged in sorted(found, key=lambda j: j.margin):
+        says, _, ours, verdict, why = verdicts.row(judged)
+        rows.append([says, ours, verdict, f"{100 * judged.margin:.2g} %", why])
+    table = claims_table(["The paper says", "Ours", "Verdict", "Distance", "Why"], rows)
+    caption = f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them."
+    return f"```{{table}} {caption}\n:name: claims-near\n\n{table}\n```\n"
+
+
+def _guards(root: Path) -> str:
+    """Count how many stored numbers and arrays are guarded by which kind of tolerance."""
+    rows = [[kind, counts["paper"], counts["quick"]] for kind, counts in sorted(reference.kinds(root).items())]
+    header = ["guarded by", "papers' scale", "quick scale"]
+    return display.markdown_table(header, rows, ["left", "right", "right"])
+
+
+def _run_times(root: Path) -> str:
+    """List the time that each notebook took in this build, with the sum of each part."""
+    rows: list[list[str]] = []
+    totals: dict[str, float] = {}
+    for name in notebooks.names(root):
+        path = root / "book" / "_build" / "runs" / name / "provenance.json"
+        if path.is_file():
+            seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"]
+            paper = name.partition("/")[0]
+            totals[paper] = totals.get(paper, 0.0) + seconds
+            rows.append([f"{{doc}}`/{name}`", f"{seconds:.1f}"])
+    rows += [[f"all of {{doc}}`/{paper}/index`", f"{total:.1f}"] for paper, total in totals.items()]
+    rows.append(["the whole book", f"{sum(totals.values()):.1f}"])
+    return display.markdown_table(["notebook", "seconds"], rows, ["left", "right"])
+
+
+def _api(root: Path, package: str) -> str:
+    """Document the modules that stand directly in a package, by autodoc, below a line that changes with the code."""
+    parts = []
+    for path in sorted((root / "src").joinpath(*package.split(".")).glob("*.py")):
+        name = package if path.stem == "__init__" else f"{package}.{path.stem}"
+        source = f"{{download}}`{path.name} </../../../{path.relative_to(root).as_posix()}>`"  # from book/_build/site
+        directive = f"```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n   :ignore-module-all:\n```\n"
+        parts.append(f"% {sources.code_hash([name])}\n\n## {name}\n\nSource: {source}\n\n{directive}")
+    return "\n".join(parts)
+
+
+BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
+    "verdicts": (_verdicts, "PAPER"),
+    "verdict-summary": (verdicts.summary_markdown, ""),
+    "near-claims": (_near_claims, ""),
+    "guards": (_guards, ""),
+    "run-times": (_run_times, ""),
+    "api": (_api, "PACKAGE"),
+}
+"""Name -> what makes it, and the name of its argument, if it has one."""

@@ -1,0 +1,97 @@
+"""How far a number may be from another: declared, or by the rule from its spread over computing settings.
+
+The rule, for a stored value v whose spread s is the largest difference between settings ever seen:
+
+    s > 1e-3 |v|   the number is rounding: |ours| <= ten times the largest magnitude seen
+    else           |ours - v| <= r |v|, with r = 30 s / |v| rounded up to a power of ten, at least 1e-9
+
+An array is judged by its largest element. `tests/reference/<paper>/guards.yml` declares the keys that the rule does not
+fit (chaotic ones, arguments of a maximum, times), each with a reason.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+_ROUNDING, _SPREADS, _FLOOR, _LARGEST = 1e-3, 30, 1e-9, 10
+_TOGETHER = ({"rel", "abs"}, {"min", "max"})
+
+
+class Tolerance(BaseModel):
+    """One of: relative and absolute (their sum), within a factor, a size, a smallest and a largest value, nothing."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    rel: float | None = Field(default=None, ge=0)
+    abs: float | None = Field(default=None, ge=0)
+    factor: float | None = Field(default=None, ge=1)
+    size: float | None = Field(default=None, ge=0)
+    min: float | None = None
+    max: float | None = None
+    none: bool | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Tolerance:
+        kinds = self.model_fields_set
+        if len(kinds) != 1 and kinds not in _TOGETHER:
+            raise ValueError("a tolerance is exactly one of rel with abs, factor, size, min with max, none")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError(f"the range [{self.min:g}, {self.max:g}] is empty")
+        return self
+
+    @property
+    def alone(self) -> bool:
+        """Tell whether it judges a number without a wanted one."""
+        return not self.model_fields_set & {"rel", "abs", "factor"}
+
+    def edges(self, wanted: float | None) -> tuple[float, float]:
+        """Give the smallest and the largest number that is right."""
+        if self.none:
+            return -math.inf, math.inf
+        if self.size is not None:
+            return -self.size, self.size
+        if self.alone:
+            return -math.inf if self.min is None else self.min, math.inf if self.max is None else self.max
+        if wanted is None:
+            return math.inf, -math.inf
+        if self.factor is not None:
+            low, high = sorted((wanted / self.factor, wanted * self.factor))
+            return low, high
+        return wanted - self.allowed(wanted), wanted + self.allowed(wanted)
+
+    def holds(self, ours: float, wanted: float | None) -> bool:
+        """Tell whether `ours` is right, where `wanted` is printed or stored."""
+        low, high = self.edges(wanted)
+        return low <= ours <= high
+
+    def allowed(self, largest: float) -> float:
+        """Give the absolute difference that `rel` and `abs` allow to a number of this size."""
+        return (self.abs or 0.0) + (self.rel or 0.0) * abs(largest)
+
+    def __str__(self) -> str:
+        words = self.model_dump(exclude_none=True)
+        return "not guarded" if self.none else " + ".join(f"{kind} {value:g}" for kind, value in words.items())
+
+
+def is_rounding(size: float, spread: float) -> bool:
+    """Tell whether a number of this magnitude has no digits of its own."""
+    return spread > _ROUNDING * size
+
+
+def by_rule(value: float | None, spread: float, largest: float | None = None) -> Tolerance:
+    """Give the tolerance of a number (of an array: its largest element) by the spread and the largest ever seen."""
+    size = abs(value or 0.0)
+    if is_rounding(size, spread):
+        return Tolerance(size=_LARGEST * max(size, largest or 0.0))
+    ratio = _SPREADS * spread / size if size else 0.0
+    return Tolerance(rel=max(_FLOOR, float(f"1e{math.ceil(math.log10(ratio))}")) if ratio else _FLOOR)
+
+
+def gathered(data: Any) -> Any:
+    """Put the tolerance of an entry together, `{key: a, rel: 1}` -> `{key: a, tolerance: {rel: 1}}`."""
+    if not isinstance(data, dict) or "tolerance" in data:
+        return data
+    kinds = set(Tolerance.model_fields) & set(data)
+    return {k: v for k, v in data.items() if k not in kinds} | {"tolerance": {k: data[k] for k in kinds}}

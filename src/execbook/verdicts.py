@@ -1,0 +1,84 @@
+"""The tables of claims and verdicts: for pages, scripts and the README."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+from typing import Any, get_args
+
+from execbook import contents, display
+from execbook.claims import Judgement, Metrics, Verdict, decided_by, judge, judge_paper, papers
+from execbook.errors import Fault
+
+HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
+_BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
+
+
+def row(judgement: Judgement, judged: bool = True) -> list[str]:
+    """Give the cells of a claim under `HEADER`; verdict and reason are empty unless `judged`."""
+    claim, ours = judgement.claim, judgement.ours
+
+    def shown(value: float | str, digits: int | None = None) -> str:
+        if isinstance(value, str):
+            return value
+        return display.quantity(value, claim.unit, _digits(value) if digits is None else digits)
+
+    prints = [] if claim.printed is None else [shown(claim.printed)]
+    reads = [] if claim.reads is None else [f"read as {shown(claim.reads)}"]
+    why = "; ".join(filter(None, (claim.because if reads else None, judgement.why)))
+    verdict = judgement.verdict or "not computed"
+    cells = [f"{claim.where}: {claim.says}", "; ".join(prints + reads), "" if ours is None else shown(ours, 4)]
+    return [*cells, *([verdict, why] if judged else ["", ""])]
+
+
+def _digits(value: float) -> int:
+    """Count the significant digits of a printed number, at most six."""
+    return sum(c.isdigit() for c in f"{value:.5e}".partition("e")[0].rstrip("0"))
+
+
+def of_notebook(root: Path, notebook: str, metrics: Metrics, judged: bool) -> tuple[list[str], list[list[str]], str]:
+    """Give header, rows and caption of the claims that this notebook decides; no verdicts unless `judged`."""
+    rows = [row(judge(claim, lambda _: metrics), judged) for claim in decided_by(root, notebook)]
+    keep = [k for k, name in enumerate(HEADER) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
+    caption = "What the paper prints, how we read it, our number, and the verdict."
+    if not judged:
+        caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
+    return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
+
+
+def summary_markdown(root: Path, prefix: str = "") -> str:
+    """Count the verdicts of each paper in a Markdown table; links start at `prefix`."""
+    verdicts = get_args(Verdict)
+    rows = []
+    for paper in papers(root):
+        counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper))
+        link = f"[{contents.title(root, f'{paper}/index')}]({prefix}{paper}/index.md)"
+        rows.append([link, counts.total(), *(counts[v] for v in verdicts), counts["not computed"] or ""])
+    header = ["Paper", "Claims", *(v.replace("-", " ") for v in verdicts), "not computed"]
+    if not any(row[-1] for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]
+    return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
+
+
+def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
+    """Give the ledger of a paper with our numbers and verdicts; `expected` is the verdict of the file."""
+    found = []
+    for claim, ours, verdict, why, margin in judge_paper(root, paper):
+        entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
+        judged = {"expected": claim.verdict, "verdict": verdict, "why": why, "margin": margin}
+        found.append({"paper": paper, **entry, "ours": ours, **judged})
+    return found
+
+
+def readme_with_block(root: Path) -> str:
+    """Give the README's text with its block of verdicts as the ledgers have it now."""
+    text = (root / "README.md").read_text(encoding="utf-8")
+    if not _BLOCK.search(text):
+        raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->; write them where they stood.")
+    return _BLOCK.sub(lambda m: f"{m[1]}{summary_markdown(root, 'book/')}\n{m[2]}", text)
+
+
+def readme_agrees(root: Path) -> bool:
+    """Tell whether the README's block is what the ledgers say now."""
+    return readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")

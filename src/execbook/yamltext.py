@@ -1,0 +1,27 @@
+"""YAML 1.2 as people type it: `1e-12` is a number, `no` and `12:30` are text, and a key given twice is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+
+def parse(text: str) -> Any:
+    """Give the value of a YAML text; raises ValueError, with the place, for what cannot be read.
+
+    Anchors, aliases and tags are refused, and so is deep nesting: a few bytes of them can fill the memory.
+    """
+    try:
+        for event in YAML(typ="safe", pure=True).parse(text) if {"&", "*", "!"} & set(text) else ():
+            if getattr(event, "anchor", None) or getattr(event, "ctag", None):
+                raise ValueError(f"line {event.start_mark.line + 1}: anchors, aliases and tags are not read")
+        return YAML(typ="safe", pure=True).load(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"line {mark.line + 1}: " if mark else ""
+        problem = getattr(error, "problem", None) or str(error)
+        raise ValueError(place + " ".join(problem.split())) from error

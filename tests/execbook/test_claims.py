@@ -1,0 +1,322 @@
+"""The ledger: what an entry must say, and which verdict follows."""
+
+import json
+import math
+
+import pytest
+from pydantic import ValidationError
+
+from execbook import claims, verdicts
+from execbook.errors import Fault, Misuse
+
+BASE = {
+    "id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m",
+    "metric": "toy/01-line:x", "accept": {"rel": 0.1}, "verdict": "reproduced",
+}  # fmt: skip
+
+
+def make(**change):
+    return claims.Claim.model_validate({k: v for k, v in (BASE | change).items() if v is not None})
+
+
+def metrics(value, unit="m"):
+    return lambda notebook: (
+        {"x": {"value": value, "unit": unit}, "y": {"value": 10.0, "unit": "m"}} if notebook == "toy/01-line" else None
+    )
+
+
+@pytest.mark.parametrize(
+    "change, ours, verdict",
+    [
+        ({}, 2.1, "reproduced"),
+        ({}, 2.3, "not-reproduced"),
+        ({}, -2.0, "not-reproduced"),
+        ({"accept": {"abs": 0.5}}, 2.4, "reproduced"),
+        ({"accept": {"abs": 0.5}}, 2.6, "not-reproduced"),
+        ({"accept": {"factor": 2}}, 1.0, "reproduced"),
+        ({"accept": {"factor": 2}}, 4.1, "not-reproduced"),
+        ({"accept": {"factor": 2}}, -2.0, "not-reproduced"),
+        ({"accept": {"range": [3, 4]}}, 3.5, "reproduced"),
+        ({"accept": {"range": [3, 4]}, "printed": "three to four"}, 2.9, "not-reproduced"),
+        ({"reads": 20.0, "because": "a zero is missing"}, 20.5, "reproduced"),
+        ({"reads": 20.0, "because": "a zero is missing"}, 2.0, "not-reproduced"),
+        ({"assumes": "smoothing"}, 2.0, "under-interpretation"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 2.0, "calibrated"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 5.0, "not-reproduced"),
+        ({}, None, "not-reproduced"),
+        ({"metric": None, "accept": None, "reason": "data not public"}, 2.0, "not-testable"),
+    ],
+)
+def test_the_most_critical_word_that_applies(change, ours, verdict):
+    judgement = claims.judge(make(**change), metrics(ours))
+    assert judgement.verdict == verdict and judgement.as_expected == (verdict == "reproduced")
+
+
+@pytest.mark.parametrize(
+    "comparisons, verdict",
+    [
+        ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y"}, "reproduced"),
+        ({"left": "toy/01-line:x", "op": ">", "right": "toy/01-line:y"}, "not-reproduced"),
+        ({"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.2}, "not-reproduced"),
+        ({"left": "toy/01-line:x", "op": "<=", "right": 2}, "reproduced"),
+        (
+            [{"left": "toy/01-line:x", "op": ">=", "right": 2}, {"left": "toy/01-line:x", "op": ">", "right": 2}],
+            "not-reproduced",
+        ),
+    ],
+)
+def test_comparisons(comparisons, verdict):
+    claim = make(metric=None, accept=None, printed=None, compare=comparisons)
+    assert claims.judge(claim, metrics(2.0)).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    "change, ours, margin",
+    [({}, 2.19, 0.01 / 2.2), ({}, 2.21, 0.01 / 2.2), ({}, 1.81, 0.01 / 1.8), ({"accept": {"range": [0, 4]}}, 3.0, 0.25),
+     ({"accept": {"factor": 2}}, 1.1, 0.1), ({"accept": {"abs": 0}}, 2.0, None), ({}, None, None),
+     ({"metric": None, "accept": None, "compare": {"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y",
+                                                   "factor": 0.5}}, 4.9, 0.02)],
+)  # fmt: skip
+def test_distance_from_the_nearest_threshold(change, ours, margin):
+    judged = claims.judge(make(**change), metrics(ours))
+    assert judged.margin == (None if margin is None else pytest.approx(margin))
+    assert judged.is_near == (margin is not None and margin <= 0.0201)
+
+
+def test_a_comparison_shows_both_sides():
+    claim = make(
+        metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y", "factor": 0.1}
+    )
+    assert claims.judge(claim, metrics(2.0)).ours == "2.000 m (x) not < 0.1 × 10.00 m (y)"
+
+
+@pytest.mark.parametrize(
+    "left, right, names",
+    [
+        ("a/01:rms.ekf.std", "a/01:rms.ukf.std", ("ekf", "ukf")),
+        ("a/01:camera.1.rms", "a/01:camera.2.rms", ("camera 1 rms", "camera 2 rms")),
+        ("a/01:x", "a/02:x", ("01", "02")),
+        ("a/01:fused.std", "a/01:table.ukf.std", ("fused", "table ukf")),
+    ],
+)
+def test_names_of_a_comparison_are_what_differs(left, right, names):
+    assert claims._names(left, right) == names
+
+
+def test_what_is_not_recorded_is_not_judged():
+    judgement = claims.judge(make(metric="toy/01-line:z"), metrics(2.0))
+    assert judgement.verdict is None and judgement.why == "toy/01-line:z is not recorded" and not judgement.as_expected
+    assert claims.judge(make(metric="toy/09-none:z"), metrics(2.0)).verdict is None
+
+
+def test_units_must_agree():
+    with pytest.raises(Fault, match="claim c is in m, but toy/01-line:x is recorded in km"):
+        claims.judge(make(), metrics(2.0, "km"))
+    lengths = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "<", "right": "toy/01-line:y"})
+    with pytest.raises(
+        Fault, match="claim c compares toy/01-line:x, recorded in km, with toy/01-line:y, recorded in m"
+    ):
+        claims.judge(lengths, metrics(2.0, "km"))
+    assert claims.judge(lengths, metrics(2.0, "")).verdict == "reproduced"
+
+
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ("says: x\n  tells: y", "c: tells: Extra inputs"),
+        ("accept: {rel: 0.1, abs: 1}", "accept: accept wants exactly one of"),
+        ("accept: {range: [2, 1]}", "the range .* is empty"),
+        ("accept: {factor: 0.5}", "accept.factor: Input should be greater"),
+        ("accept: null", "a metric needs accept"),
+        ("metric: null", "accept needs a metric"),
+        ("metric: line", "metric: String should match pattern"),
+        ("printed: about two", "accept needs a printed .or reads. number"),
+        ("reads: 3.0", "reads and because go together"),
+        ("verdict: fine", "verdict: Input should be 'reproduced'"),
+        ("compare: {left: 'toy/01-line:x', op: '<', right: 3}", "a metric or a compare, not both"),
+        ("id: Not An Id", "Not An Id: id: String should match"),
+    ],
+)
+def test_malformed_entries_name_file_and_claim(toy, change, sentence):
+    key = change.partition(":")[0]
+    lines = [f"  {k}: {json.dumps(v)}" for k, v in BASE.items() if k != key]
+    (toy / "book" / "toy" / "claims.yml").write_text("-\n" + "\n".join([*lines, f"  {change}"]) + "\n")
+    with pytest.raises(Fault, match=f"^book/toy/claims.yml, claim .*{sentence}"):
+        claims.ledger(toy, "toy")
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("a: [", "book/toy/claims.yml, line 1: "),
+        ("- id: a\n  id: b\n", 'duplicate key "id"'),
+        ("a: 1", "holds no list of claims"),
+        ("- 5", "claim number 1"),
+        ("- {id: a, where: x, says: x, verdict: not-testable}", "claim a: a claim that nothing decides needs a reason"),
+        (2 * "- {id: a, where: x, says: x, reason: x, verdict: not-testable}\n", "claim a: the id is taken"),
+    ],
+)
+def test_malformed_ledgers(toy, text, sentence):
+    (toy / "book" / "toy" / "claims.yml").write_text(text)
+    with pytest.raises(Fault, match=sentence):
+        claims.ledger(toy, "toy")
+
+
+def test_unknown_paper(toy):
+    with pytest.raises(Misuse, match="'boy' has no ledger .*; papers with one are toy"):
+        claims.ledger(toy, "boy")
+
+
+def test_a_key_may_hold_what_a_recorded_name_may():
+    assert make(metric="toy/01-line:a-b.c+d").metrics == ["toy/01-line:a-b.c+d"]
+
+
+def test_which_claims_a_notebook_decides(toy):
+    assert [c.id for c in claims.decided_by(toy, "toy/01-line")] == ["mean"]
+    assert claims.decided_by(toy, "toy/02-constant") == []  # `steeper` needs both
+
+
+def write_metrics(root, mean):
+    for name, value in (
+        ("01-line", {"line.mean": {"value": mean, "unit": "m"}}),
+        ("02-constant", {"quotient": {"value": 3.0, "unit": ""}}),
+    ):
+        path = root / "book" / "_build" / "metrics" / "toy" / f"{name}.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(value))
+
+
+def test_tables_and_readme(toy):
+    write_metrics(toy, 49.0)
+    first = verdicts.row(claims.judge_paper(toy, "toy")[0])
+    assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]
+    assert verdicts.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
+    assert not verdicts.readme_agrees(toy)
+    (toy / "README.md").write_text(verdicts.readme_with_block(toy))
+    assert verdicts.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
+    write_metrics(toy, 48.0)
+    assert not verdicts.readme_agrees(toy)
+    (toy / "README.md").write_text(
+        "# Toy\n\n<!-- verdicts -->\n<!-- /verdicts -->\n\nThe end.\n"
+    )  # nothing between yet
+    (toy / "README.md").write_text(verdicts.readme_with_block(toy))
+    assert verdicts.readme_agrees(toy)
+    assert (toy / "README.md").read_text().endswith(" |\n<!-- /verdicts -->\n\nThe end.\n")
+    assert [e["verdict"] for e in verdicts.as_json(toy, "toy")] == ["not-reproduced", "reproduced"]
+    (toy / "README.md").write_text("no block")
+    with pytest.raises(Fault, match="README.md lacks the lines <!-- verdicts -->"):
+        verdicts.readme_agrees(toy)
+
+
+@pytest.mark.parametrize(
+    "change, printed, why",
+    [
+        ({"printed": 5.26357e-6}, "5.26357\u00a0×\u00a010⁻⁶\u00a0m", "accepted ±10 %"),
+        ({"printed": "about two", "accept": {"range": [1, 3]}}, "about two", "accepted 1.000 to 3.000"),
+        (
+            {"printed": 20, "reads": 2.0, "because": "a zero too many"},
+            "20\u00a0m; read as 2\u00a0m",
+            "a zero too many; accepted ±10 %",
+        ),
+    ],
+)
+def test_a_row_shows_print_reading_and_reason(change, printed, why):
+    says, shown, ours, _, reason = verdicts.row(claims.judge(make(**change), metrics(2.0)))
+    assert (says, shown, ours, reason) == ("Table 1: something", printed, "2.000\u00a0m", why)
+
+
+def test_before_anything_was_computed(toy):
+    assert "not computed" in verdicts.summary_markdown(toy)
+
+
+@pytest.mark.parametrize(
+    ("accept", "low", "high"),
+    [({"abs": 0.5}, 1.5, 2.5), ({"rel": 0.25}, 1.5, 2.5), ({"factor": 2}, 1.0, 4.0), ({"range": [3, 4]}, 3.0, 4.0)],
+)
+def test_the_edge_of_what_is_accepted_belongs_to_it(accept, low, high):
+    for ours in (low, high):
+        assert claims.judge(make(accept=accept), metrics(ours)).verdict == "reproduced"
+    for ours in (math.nextafter(low, -math.inf), math.nextafter(high, math.inf)):
+        assert claims.judge(make(accept=accept), metrics(ours)).verdict == "not-reproduced"
+
+
+@pytest.mark.parametrize(
+    ("narrowest", "narrower"),
+    [({"abs": 0}, {"abs": -0.1}), ({"rel": 0}, {"rel": -0.1}), ({"factor": 1}, {"factor": 0.9}),
+     ({"range": [2, 2]}, {"range": [2, 1.9]})],
+)  # fmt: skip
+def test_nothing_is_narrower_than_equality(narrowest, narrower):
+    assert claims.judge(make(accept=narrowest), metrics(2.0)).verdict == "reproduced"
+    assert claims.judge(make(accept=narrowest), metrics(2.0001)).verdict == "not-reproduced"
+    with pytest.raises(ValidationError):
+        make(accept=narrower)
+
+
+def test_a_factor_has_a_sign_and_a_zero_is_no_multiple():
+    negative = make(printed=-2.0, accept={"factor": 2})
+    assert [claims.judge(negative, metrics(x)).verdict for x in (-3.0, 3.0, 0.0)] == [
+        "reproduced", "not-reproduced", "not-reproduced",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("op", "holds"), [("<", [True, False, False]), ("<=", [True, True, False]), (">", [False, False, True]),
+                      (">=", [False, True, True])],
+)  # fmt: skip
+def test_every_comparison_below_at_and_above(op, holds):
+    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": op, "right": 1.5, "factor": 2})
+    found = [claims.judge(claim, metrics(x)).verdict == "reproduced" for x in (2.5, 3.0, 3.5)]
+    assert found == holds
+
+
+def test_all_comparisons_must_hold_in_any_order():
+    good, bad = ({"left": "toy/01-line:x", "op": op, "right": 1.0} for op in "><")
+    for comparisons in ([good, bad], [bad, good]):
+        judgement = claims.judge(make(metric=None, accept=None, compare=comparisons), metrics(2.0))
+        assert judgement.verdict == "not-reproduced" and judgement.ours.count("not") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "ours", "why"),
+    [
+        ({}, 2.0, "accepted ±10 %"),
+        ({"accept": {"abs": 0.5}}, 2.0, "accepted ±0.5000"),
+        ({"accept": {"factor": 2}}, 2.0, "accepted within a factor 2"),
+        ({"accept": {"range": [1, 3]}}, 2.0, "accepted 1.000 to 3.000"),
+        ({"reason": "chaos", "assumes": "smoothing"}, 9.0, "chaos; accepted ±10 %"),
+        ({"assumes": "smoothing"}, 2.0, "smoothing; accepted ±10 %"),
+        ({"assumes": "smoothing", "calibrated": "mu"}, 2.0, "mu; accepted ±10 %"),
+        ({}, None, "toy/01-line:x is not finite"),
+        ({"metric": None, "accept": None, "reason": "not public"}, 2.0, "not public"),
+    ],
+)
+def test_the_reason_that_is_given(change, ours, why):
+    assert claims.judge(make(**change), metrics(ours)).why == why
+
+
+@pytest.mark.parametrize(
+    ("value", "digits"), [(0.9073, 4), (5.26357e-6, 6), (1.23456789, 6), (20.0, 1), (100, 1), (-3.5, 2)]
+)
+def test_printed_digits(value, digits):
+    assert verdicts._digits(value) == digits
+
+
+def test_the_ledger_for_scripts(toy):
+    write_metrics(toy, 49.0)
+    first, second = verdicts.as_json(toy, "toy")
+    assert first == {
+        "paper": "toy", "id": "mean", "where": "Table 1", "says": "the mean of the line", "printed": 49.0, "unit": "m",
+        "metric": "toy/01-line:line.mean", "compare": [], "accept": {"rel": 1e-3}, "ours": 49.0,
+        "expected": "reproduced", "verdict": "reproduced", "why": "accepted ±0.1 %", "margin": pytest.approx(1e-3, rel=0.01),
+    }  # fmt: skip
+    assert second["ours"] == "49.00 m (line mean) > 10 × 3.000 m (quotient)" and second["verdict"] == "reproduced"
+
+
+def test_columns_that_nothing_fills_are_left_out_of_a_notebooks_claims(toy):
+    numbers = {"line.mean": {"value": 49.0, "unit": "m"}}
+    header, rows, caption = verdicts.of_notebook(toy, "toy/01-line", numbers, judged=True)
+    assert header == ["The paper says", "Printed", "Ours", "Verdict", "Why"] and len(rows[0]) == 5
+    header, rows, caption = verdicts.of_notebook(toy, "toy/01-line", numbers, judged=False)
+    assert header == ["The paper says", "Printed", "Ours"] and "nothing is judged" in caption
+    assert rows == [["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m"]]
+    assert verdicts.of_notebook(toy, "toy/02-constant", {}, judged=True)[0] == ["The paper says", "Ours"]

@@ -1,0 +1,280 @@
+"""The record of a notebook, made in this process as plain Jupyter would: no run folder was named, or one was."""
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from execbook import Notebook, display
+from execbook.errors import Fault, Misuse
+
+DEFAULTS = {"slope": 2.0, "n": 50, "table": ""}
+
+
+@pytest.fixture
+def book(toy, monkeypatch):
+    monkeypatch.setenv("EXECBOOK_OUT", str(toy / "out"))
+    return Notebook("toy/01-line", dict(DEFAULTS))
+
+
+def draw(t, colour=None):
+    figure, axes = plt.subplots(figsize=(3, 2))
+    axes.plot(t, color=colour)
+    return figure
+
+
+def shown(capsys, monkeypatch, call):
+    """The bundle that a call displays."""
+    bundles = []
+    monkeypatch.setattr(display, "show", bundles.append)
+    call()
+    return bundles[0]
+
+
+def test_checks_parameters_and_puts_the_checked_ones_back(toy):
+    namespace = DEFAULTS | {"slope": 3}
+    nb = Notebook("toy/01-line", namespace)
+    assert isinstance(namespace["slope"], float) and nb.params.slope == nb.params["slope"] == 3.0
+    assert dict(nb.params) == {"slope": 3.0, "n": 50, "table": ""} and nb.mode == "custom"
+    with pytest.raises(AttributeError, match="cannot be set here"):
+        nb.params.slope = 1.0
+    with pytest.raises(AttributeError, match="slant is no parameter; there are slope"):
+        _ = nb.params.slant
+
+
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ({"slope": -1.0}, "slope=-1.0 is out of range"),
+        ({"n": "many"}, "n='many' is not int"),
+        ({"slope": float("nan")}, "slope=nan is not finite"),
+        (
+            {"In": ["", "x = 1", "# Parameters\nslop = 3.0\n"]},
+            r"slop is no parameter of toy/01-line \(did you mean slope\?\)",
+        ),
+    ],
+)
+def test_wrong_parameters_however_the_notebook_was_started(toy, change, sentence):
+    with pytest.raises(Misuse, match=sentence):
+        Notebook("toy/01-line", DEFAULTS | change)
+
+
+def test_parameters_cell_not_executed(toy):
+    with pytest.raises(Fault, match="n, table of toy/01-line has no value yet"):
+        Notebook("toy/01-line", {"slope": 2.0})
+
+
+def test_unknown_notebook(toy):
+    with pytest.raises(Misuse, match="'toy/01-lime' is no notebook .* did you mean toy/01-line"):
+        Notebook("toy/01-lime", {})
+
+
+def test_record_is_whole(book, toy, capsys):
+    book.record("line.mean", np.float64(1.5), "m")
+    book.record("count", 3)
+    book.record("undefined", float("inf"), finite=False)
+    book.array("line.y", [1.0, 2.0], "m")
+    book.figure(
+        "line",
+        draw,
+        [1.0, 2.0],
+        caption="A line.",
+        alt="A line.",
+        data={"t_s": [0.0, 1 / 3], "word": ["a", "b"]},
+        colour="C1",
+    )
+    book.table("numbers", ["what", "value"], [["a", 1 / 3], ["b", None]], "Numbers.")
+    assert not (toy / "out").exists()
+    book.finish()
+    out = toy / "out"
+    assert json.loads((out / "metrics.json").read_text()) == {
+        "line.mean": {"value": 1.5, "unit": "m"}, "count": {"value": 3, "unit": ""},
+        "undefined": {"value": None, "unit": ""},
+    }  # fmt: skip
+    assert np.load(out / "arrays.npz")["line.y"].tolist() == [1.0, 2.0]
+    assert sorted(os.listdir(out / "figures")) == ["line.csv", "line.dark.png", "line.light.png"]
+    rows = list(csv.reader((out / "figures" / "line.csv").open()))
+    assert rows[0] == ["t_s", "word"] and float(rows[2][0]) == 1 / 3  # the digits read back the same
+    told = json.loads((out / "provenance.json").read_text())
+    assert (
+        told["mode"] == "paper"
+        and told["parameters"] == DEFAULTS
+        and told["arrays"]["line.y"] == {"shape": [2], "unit": "m"}
+    )
+    assert (
+        set(told["versions"]) == {"python", "execbook", "numpy", "scipy", "numba", "matplotlib"} and told["processor"]
+    )
+    assert os.uname().nodename not in json.dumps(told) and str(toy) not in json.dumps(told)
+    assert sorted(p.name for p in toy.iterdir() if p.name.startswith(".")) == []
+    with pytest.raises(Fault, match="is finished"):
+        book.record("more", 1.0)
+
+
+def test_finish_replaces_the_old_record_whole(book, toy):
+    (toy / "out" / "figures").mkdir(parents=True)
+    (toy / "out" / "figures" / "stale.png").touch()
+    book.record("a", 1.0)
+    book.finish()
+    assert not (toy / "out" / "figures").exists()
+
+
+def test_disk_full_leaves_the_old_record(book, toy, monkeypatch):
+    (toy / "out").mkdir()
+    (toy / "out" / "metrics.json").write_text("old")
+    book.record("a", 1.0)
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(Fault, match="Cannot write .*: the disk is full; free some space; nothing there was changed"):
+        book.finish()
+    assert (toy / "out" / "metrics.json").read_text() == "old"
+
+
+def test_without_a_run_folder_the_record_is_interactive_and_cells_may_be_repeated(toy):
+    nb = Notebook("toy/01-line", dict(DEFAULTS))
+    nb.record("a", 1.0)
+    nb.record("a", 2.0)
+    nb.finish()
+    found = toy / "runs" / "toy" / "01-line" / "interactive" / "metrics.json"
+    assert json.loads(found.read_text())["a"]["value"] == 2.0
+
+
+@pytest.mark.parametrize(
+    "call, sentence",
+    [
+        (
+            lambda nb: nb.record("a", float("nan")),
+            r"a = nan is not finite: with these parameters .* \(in a notebook of your own, finite=False",
+        ),
+        (lambda nb: nb.record("a", "text"), "a = 'text' is no number"),
+        (lambda nb: nb.record("a", np.ones(2)), "is no number; arrays are recorded with nb.array"),
+        (lambda nb: nb.record("a b", 1.0), "'a b' cannot name a record"),
+        (lambda nb: nb.record("a..b", 1.0), "cannot name a record"),
+        (lambda nb: [nb.record("a", 1.0), nb.record("a", 1.0)], "'a' is recorded already"),
+        (lambda nb: [nb.record("a", 1.0), nb.array("a", [1.0])], "'a' is recorded already"),
+        (lambda nb: nb.array("a", [1.0, np.inf]), r"a is not finite at index \[1\]"),
+        (lambda nb: nb.array("a", ["x"]), "a has items of type <U1"),
+        (lambda nb: nb.figure("F", draw, [1], caption="x", alt="x"), "'F' cannot name a record; it must be lower case"),
+        (lambda nb: nb.figure("f", draw, [1], caption=" ", alt="x"), "Figure f has an empty caption"),
+        (lambda nb: nb.figure("f", draw, [1], caption="x", alt=""), "Figure f has an empty alt"),
+        (
+            lambda nb: nb.figure("f", len, [1], caption="x", alt="x"),
+            "len gave int for figure f; it must return a matplotlib Figure",
+        ),
+        (
+            lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [[1]]}),
+            r"Column a of figure f has shape \(1, 1\)",
+        ),
+        (
+            lambda nb: nb.figure("f", draw, [1], caption="x", alt="x", data={"a": [1], "b": [1, 2]}),
+            "different lengths, {'a': 1, 'b': 2}",
+        ),
+        (lambda nb: nb.table("t", ["a"], [[1, 2]], "x"), r"Table t has 1 columns, but a row \(or formats\) of 2"),
+        (lambda nb: nb.table("t", ["a"], [[1]], ""), "Table t has an empty caption"),
+    ],
+)
+def test_what_cannot_be_recorded(book, call, sentence):
+    with pytest.raises(Fault, match=sentence):
+        call(book)
+
+
+def test_figure_bundle(book, capsys, monkeypatch):
+    open_before = plt.get_fignums()
+    bundle = shown(capsys, monkeypatch, lambda: book.figure("line", draw, [1, 2], caption="a < b", alt='say "x"'))
+    assert '<img src="data:image/png;base64,' in bundle["text/html"] and "http" not in bundle["text/html"]
+    assert "<figcaption>a &lt; b</figcaption>" in bundle["text/html"] and "say &quot;x&quot;" in bundle["text/html"]
+    record = bundle[display.FIGURE_TYPE]
+    assert record["files"] == {"light": "figures/line.light.png", "dark": "figures/line.dark.png"}
+    assert (record["name"], record["caption"], record["alt"]) == ("line", "a < b", 'say "x"')
+    assert plt.get_fignums() == open_before
+
+
+def test_same_figure_same_bytes(book, toy):
+    for name in ("one", "two"):
+        book.figure(name, draw, [1, 2], caption="x", alt="x")
+    book.finish()
+    one, two, dark = (
+        (toy / "out" / "figures" / f"{n}.png").read_bytes() for n in ("one.light", "two.light", "one.dark")
+    )
+    assert one == two and one != dark and b"tEXt" not in one  # no date, no program
+
+
+def test_data_every_is_kept_in_the_record(book, capsys, monkeypatch, toy):
+    t = np.arange(10.0)
+    bundle = shown(
+        capsys, monkeypatch, lambda: book.figure("f", draw, t, caption="x", alt="x", data={"t": t}, data_every=4)
+    )
+    assert bundle[display.FIGURE_TYPE]["data_every"] == 4
+    book.finish()
+    assert (toy / "out" / "figures" / "f.csv").read_text().split() == ["t", "0.0", "4.0", "8.0"]
+
+
+def test_table_bundle(book, capsys, monkeypatch, toy):
+    rows = [["a|b", -1.23456789e-9, 3, None], ["c", 0.5, True, "x"]]
+
+    def call():
+        book.table("t", ["what", "value", "n", "note"], rows, "Numbers.", formats=[None, ".2e", None, None])
+
+    bundle = shown(capsys, monkeypatch, call)
+    assert "<p>Numbers.</p>" in bundle["text/html"] and ">a|b" in bundle["text/html"]
+    record = bundle[display.TABLE_TYPE]
+    assert record["rows"] == [["a|b", "−1.23\u00a0×\u00a010⁻⁹", "3", "–"], ["c", "5.00\u00a0×\u00a010⁻¹", "yes", "x"]]
+    book.finish()
+    assert "-1.23456789e-09" in (toy / "out" / "tables" / "t.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [(5.26357e-7, "5.264\u00a0×\u00a010⁻⁷"), (0.0123456, "0.01235"), (-2.5, "−2.500"), (220076.057, "220076"),
+     (1.5e9, "1.500\u00a0×\u00a010⁹"), (0, "0"),
+     (9.99996, "10.00"), (7, "7"), (-np.inf, "−∞"), (np.nan, "not a number")],
+)  # fmt: skip
+def test_numbers_for_readers(value, text):
+    assert display.number(value) == text
+
+
+def test_a_damaged_memo_is_noted_beside_the_notebook_not_in_it(book, toy, capsys):
+    from execbook import atomic
+
+    kept = book.memo(atomic.sweep)
+    kept(toy / "nothing")
+    [entry] = (toy / ".cache" / "memo").glob("*.pickle")
+    entry.write_bytes(b"x")
+    kept(toy / "nothing")
+    book.finish()
+    told = json.loads((toy / "out" / "provenance.json").read_text())
+    assert told["notes"] == ["A kept result was damaged (its checksum does not hold); computing it anew."]
+    assert capsys.readouterr().err == ""
+
+
+def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
+    book.record("line.mean", 49.01, "m")
+    record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
+    assert record["name"] == "verdicts-01-line"
+    assert record["rows"] == [
+        ["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]
+    ]
+    other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
+    other.record("line.mean", 73.5, "m")
+    record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]
+    assert "Verdict" not in record["header"] and "nothing is judged" in record["caption"]
+
+
+def test_what_repeats_is_told(monkeypatch, book):
+    monkeypatch.setattr(book, "params", {"slope": 2.0, "steps": [1.0, 2.0, 1.0000001], "words": ["a", "b"]})
+    book.record("a", 1.0)
+    with pytest.raises(Fault, match=r"recorded once. steps = \[1.0, 2.0, 1.0000001\] has a value twice.$"):
+        book.record("a", 1.0)
+
+
+@pytest.mark.parametrize(
+    "unit, text", [("m/s^2", "m/s²"), ("us", "µs"), ("rad/s", "rad/s"), ("urad", "µrad"), ("s^-2", "s⁻²"), ("", "")]
+)
+def test_units_for_readers(unit, text):
+    assert display.unit_text(unit) == text
