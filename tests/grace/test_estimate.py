@@ -66,7 +66,7 @@ def core_fused_filter(data: Observations, tuning: Tuning, which: str):
     model = kalman.Model(f=lambda x, t0, t1: Phi @ x, F=lambda x, t0, t1: Phi, Q=Q)
     if which == "ukf":
         scaling = {"alpha": tuning.alpha, "beta": tuning.beta, "kappa": tuning.kappa}
-    return kalman.run(prior, t, model, sensors, "unscented", **scaling)
+        return kalman.run(prior, t, model, sensors, "unscented", **scaling)
     return kalman.run(prior, t, model, sensors)
 
 
