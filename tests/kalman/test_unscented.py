@@ -214,7 +214,7 @@ def test_wrong_input_is_named():
         with pytest.raises(ValueError, match=message):
             filtered(**change)
     still = {"prior": gaussian([1.0], [0.0])}
-    with pytest.raises(NotPositiveDefinite, match="prior covariance .* at epoch 0"):
+    with pytest.raises(NotPositiveDefinite, match="covariance of the state .* at epoch 0"):
         filtered(**still)
     gap = [Sensor([[np.nan], [np.nan]], Q, lambda x, t: x)]
     with pytest.raises(NotPositiveDefinite, match="filtered covariance .* at epoch 0"):
