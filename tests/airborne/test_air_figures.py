@@ -7,7 +7,6 @@ from matplotlib.colors import same_color
 
 from geokalman import style
 from geokalman.airborne import figures
-from geokalman.airborne.figures import drawings, maps
 from geokalman.style import METHODS
 
 T = np.linspace(0, 900, 400)
@@ -160,7 +159,7 @@ def test_downward_and_timings(theme):
 
 def test_tracks(theme):
     north = np.linspace(-30e3, 30e3, 100)
-    figure = maps.tracks([("1", np.zeros(100), north), ("2", np.full(100, 2e3), north[::-1])], [slice(10, 90)] * 2)
+    figure = figures.tracks([("1", np.zeros(100), north), ("2", np.full(100, 2e3), north[::-1])], [slice(10, 90)] * 2)
     assert_dressed(figure, theme)
     assert labels(figure) == [("east [km]", "north [km]")]
     assert {text.get_text() for text in figure.axes[0].texts} >= {"1", "2"}
@@ -169,7 +168,7 @@ def test_tracks(theme):
 
 def test_along_lines(theme):
     x = np.linspace(0, 1e4, 200)
-    figure = maps.along_lines(
+    figure = figures.along_lines(
         [(x, x), (x, x + 1e3)],
         {"gravity": [x / 1e3] * 2, "difference": [np.sin(x)] * 2},
         {"gravity": False, "difference": True},
@@ -182,7 +181,7 @@ def test_along_lines(theme):
 
 def test_grids(theme):
     k = np.arange(10.0)
-    figure = maps.grids(
+    figure = figures.grids(
         k,
         k,
         {"gravity": np.outer(k, k), "difference": np.outer(k - 4, k)},
@@ -195,12 +194,12 @@ def test_grids(theme):
 
 
 def test_drawings_name_every_block_and_step(theme):
-    figure = drawings.system()
+    figure = figures.system()
     assert_dressed(figure, theme)
     shown = {text.get_text() for text in figure.axes[0].texts}
-    assert shown >= {part for parts in drawings.BLOCKS.values() for part in parts} | set(drawings.BLOCKS)
-    figure = drawings.chain()
-    assert {text.get_text() for text in figure.axes[0].texts} >= {cell for row in drawings.STEPS for cell in row} | {
+    assert shown >= {part for parts in figures.BLOCKS.values() for part in parts} | set(figures.BLOCKS)
+    figure = figures.chain()
+    assert {text.get_text() for text in figure.axes[0].texts} >= {cell for row in figures.STEPS for cell in row} | {
         "1",
         "5",
     }
@@ -224,12 +223,12 @@ SMOKE = {
         np.array([60.0, 100.0, 140.0]), {"a": np.array([3.0, 1.0, 2.0])}, {"a": {"smoother": 0.9}}, {"a": np.ones(3)}
     ),
     "per_line": lambda: figures.per_line(["1", "2", "3"], {"joint": np.array([1.0, 0.5, 0.7]), "grid": np.ones(3)}),
-    "grids": lambda: maps.grids(
+    "grids": lambda: figures.grids(
         np.arange(10.0), np.arange(8.0), {"gravity": np.outer(np.arange(8.0), np.arange(10.0))}, {"gravity": False},
         [(np.arange(10.0), np.full(10, 4.0))],
     ),
-    "system": drawings.system,
-    "chain": drawings.chain,
+    "system": figures.system,
+    "chain": figures.chain,
 }  # fmt: skip
 
 compare = pytest.mark.mpl_image_compare(

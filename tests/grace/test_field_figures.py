@@ -10,20 +10,21 @@ from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
 from geokalman import style
-from geokalman.grace import field_figures, observables
+from geokalman.grace import figures, observables
+from geokalman.grace.figures import field
 from geokalman.style import METHODS
 
 
 def test_degree_variances(theme):
     reference = 1e-10 / DEGREE**3.0
     recovered = {name: reference * (1 + 0.1 * k) for k, name in enumerate(("N1", "E1", "U2"))}
-    figure = field_figures.degree_variances(DEGREE, reference, recovered)
+    figure = figures.degree_variances(DEGREE, reference, recovered)
     assert_dressed(figure, theme)
     assert [a.get_title() for a in figure.axes] == ["(a) Newton", "(b) EKF", "(c) UKF"]
     for axes, (name, values), label in zip(figure.axes, recovered.items(), ("Newton", "EKF", "UKF"), strict=True):
         np.testing.assert_array_equal(line(axes, "input field").get_xydata(), np.column_stack([DEGREE, reference]))
         np.testing.assert_array_equal(line(axes, label).get_xydata(), np.column_stack([DEGREE, values]))
-        assert same_color(line(axes, label).get_color(), getattr(METHODS[field_figures.LOOK[name]], theme["name"]))
+        assert same_color(line(axes, label).get_color(), getattr(METHODS[figures.LOOK[name]], theme["name"]))
         assert axes.get_yscale() == "log" and axes.get_xlabel() == "degree n"
         assert texts(axes.get_legend()) == ["input field", label]
     assert figure.axes[0].get_ylabel() == "degree variance"
@@ -32,7 +33,7 @@ def test_degree_variances(theme):
 
 def test_degree_differences(theme):
     variances, amplitudes = errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))
-    figure = field_figures.degree_differences(DEGREE, {k: 1e-12 * v for k, v in variances.items()}, amplitudes)
+    figure = figures.degree_differences(DEGREE, {k: 1e-12 * v for k, v in variances.items()}, amplitudes)
     assert_dressed(figure, theme)
     left, right = figure.axes
     labels = {"N1": "Newton (N1)", "E1": "EKF (E1)", "U2": "UKF (U2)"}
@@ -49,7 +50,7 @@ def test_degree_differences(theme):
 def test_amplitudes(theme):
     signal = 1.0 / DEGREE
     formal = {"U2": 1e-3 * np.exp(DEGREE / 25)}
-    figure = field_figures.amplitudes(DEGREE, signal, errors(), formal)
+    figure = figures.amplitudes(DEGREE, signal, errors(), formal)
     assert_dressed(figure, theme)
     [axes] = figure.axes
     [band] = axes.collections
@@ -69,8 +70,8 @@ def test_amplitudes(theme):
 
 
 def test_every_observable_has_a_look_and_no_two_the_same(theme):
-    assert set(field_figures.LOOK) == set(observables.IDS) == set(IDS)
-    looks = [str(sorted(field_figures._line(name).items())) for name in IDS]
+    assert set(figures.LOOK) == set(observables.IDS) == set(IDS)
+    looks = [str(sorted(field._line(name).items())) for name in IDS]
     assert len(set(looks)) == len(IDS)
 
 
@@ -79,7 +80,7 @@ def images(figure: Figure) -> list:
 
 
 def test_geoid_maps_share_one_symmetric_scale(theme):
-    figure = field_figures.geoid_maps(grids())
+    figure = figures.geoid_maps(grids())
     drawn, maps = images(figure), [axes for axes in figure.axes if axes.images]
     assert len(drawn) == 3
     limit = 1e3 * np.quantile(np.abs(grids()["(a) Newton"]), 0.995)
@@ -107,7 +108,7 @@ def test_geoid_maps_are_not_upside_down():
     """South comes first in the grid and stands below in the map."""
     lat = np.radians(np.arange(-85.0, 90.0, 10.0))[:, None]
     with style.theme("light"):
-        [image] = images(field_figures.geoid_maps({"north": np.sin(lat) * np.ones((1, 36))}, "m"))
+        [image] = images(figures.geoid_maps({"north": np.sin(lat) * np.ones((1, 36))}, "m"))
     values = np.ma.filled(image.get_array().astype(float), np.nan)
     lower, upper = np.nanmean(values[: values.shape[0] // 4]), np.nanmean(values[-values.shape[0] // 4 :])
     assert (lower < -0.5 < 0.5 < upper) if image.origin == "lower" else (upper < -0.5 < 0.5 < lower)
@@ -118,7 +119,7 @@ def test_geoid_maps_are_not_upside_down():
 def test_geoid_maps_with_scales_of_their_own(unit, scale):
     two = dict(list(grids().items())[:2])
     with style.theme("light"):
-        figure = field_figures.geoid_maps(two, unit, shared=False)
+        figure = figures.geoid_maps(two, unit, shared=False)
     for image, grid in zip(images(figure), two.values(), strict=True):
         limit = scale * np.quantile(np.abs(grid), 0.995)
         assert image.get_clim() == (pytest.approx(-limit), pytest.approx(limit))
@@ -129,7 +130,7 @@ def test_geoid_maps_with_scales_of_their_own(unit, scale):
 
 def test_geoid_against_radius(theme):
     radii, rms = [0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3], "U2": [9.9e-3, 1.3e-3, 6.4e-4]}
-    figure = field_figures.geoid_against_radius(radii, rms)
+    figure = figures.geoid_against_radius(radii, rms)
     assert_dressed(figure, theme)
     [axes] = figure.axes
     for name, values in rms.items():
@@ -145,7 +146,7 @@ def test_geoid_against_radius(theme):
 
 def test_ground_track(theme):
     lon, lat = np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))
-    figure = field_figures.ground_track(lon, lat)
+    figure = figures.ground_track(lon, lat)
     assert_dressed(figure, theme)
     [axes] = figure.axes
     [track] = axes.get_lines()

@@ -17,7 +17,7 @@ from matplotlib.colors import same_color
 
 from geokalman import style
 from geokalman.constants import A_EARTH
-from geokalman.grace import field_figures, figures
+from geokalman.grace import figures
 from geokalman.style import METHODS
 
 T = 30.0 * np.arange(2000)
@@ -229,7 +229,7 @@ def test_another_ink_is_seen(theme):
 def test_every_figure_function_has_a_smoke_image():
     public = {
         name
-        for module in (figures, field_figures)
+        for module in (figures.series, figures.field)
         for name, item in inspect.getmembers(module, inspect.isfunction)
         if item.__module__ == module.__name__ and not name.startswith("_")
     }
@@ -249,12 +249,12 @@ SMOKE = {
     "literal_filter": lambda: figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, np.full(T.size, 3e-4)),
     "dial": lambda: figures.dial(np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8]), 3e-4, 5.26e-7),
     "integrator_effect": lambda: figures.integrator_effect(np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10]), 1.19e-6, 1.8e-8),
-    "degree_variances": lambda: field_figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, {n: 1.1e-10 / DEGREE**3.0 for n in ("N1", "E1", "U2")}),
-    "degree_differences": lambda: field_figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
-    "amplitudes": lambda: field_figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),
-    "geoid_maps": lambda: field_figures.geoid_maps({"(a) Newton": grids()["(a) Newton"]}),
-    "geoid_against_radius": lambda: field_figures.geoid_against_radius([0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3]}),
-    "ground_track": lambda: field_figures.ground_track(np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))),
+    "degree_variances": lambda: figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, {n: 1.1e-10 / DEGREE**3.0 for n in ("N1", "E1", "U2")}),
+    "degree_differences": lambda: figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
+    "amplitudes": lambda: figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),
+    "geoid_maps": lambda: figures.geoid_maps({"(a) Newton": grids()["(a) Newton"]}),
+    "geoid_against_radius": lambda: figures.geoid_against_radius([0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3]}),
+    "ground_track": lambda: figures.ground_track(np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))),
 }  # fmt: skip
 
 compare = pytest.mark.mpl_image_compare(

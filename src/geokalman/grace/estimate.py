@@ -31,6 +31,7 @@ from geokalman.kalman.run import Kind, run
 from geokalman.kalman.smoothing import smooth
 
 N = 9
+SIGMA_POINTS = 2 * N + 1
 Update = Literal["sequential", "simultaneous"]
 
 
