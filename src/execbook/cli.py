@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import textwrap
 import time
@@ -69,7 +70,7 @@ def params(notebook: str, as_json: AsJson = False) -> None:
         quick = repr(spec.quick[p.name]) if p.name in spec.quick else ""
         rows.append([p.name, p.type, repr(p.default), quick, p.range, "" if p.is_path else p.unit, p.help])
     print(display.plain_table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
-    example = " ".join(f"{k}={v}" for k, v in list(spec.quick.items())[:1])
+    example = " ".join(shlex.quote(f"{k}={v}") for k, v in list(spec.quick.items())[:1])
     print(f"\nas in: {project.read(root()).command} run {notebook} {example}".rstrip())
 
 

@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from execbook import contents, display
 from execbook.claims import Judgement, Metrics, Verdict, decided_by, judge, judge_paper, papers
-from execbook.errors import Fault
+from execbook.errors import Fault, Misuse
 
 HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 _BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
@@ -72,7 +72,13 @@ def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
 
 
 def readme_with_block(root: Path) -> str:
-    """Give the README's text with its block of verdicts as the ledgers have it now."""
+    """Give the README's text with its block of verdicts as the ledgers have it now.
+
+    Raises Fault where the block is not there, Misuse where a claim is not computed.
+    """
+    open_claims = _not_computed(root)
+    if open_claims:
+        raise Misuse(f"{open_claims} claims are not computed; make book computes them, then renew the README's verdicts.")
     text = (root / "README.md").read_text(encoding="utf-8")
     if not _BLOCK.search(text):
         raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->; write them where they stood.")
@@ -80,5 +86,9 @@ def readme_with_block(root: Path) -> str:
 
 
 def readme_agrees(root: Path) -> bool:
-    """Tell whether the README's block is what the ledgers say now."""
-    return readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")
+    """Tell whether the README's block is what the ledgers say now; before all are computed nothing can differ."""
+    return _not_computed(root) > 0 or readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")
+
+
+def _not_computed(root: Path) -> int:
+    return sum(j.verdict is None for paper in papers(root) for j in judge_paper(root, paper))

@@ -187,6 +187,9 @@ def write_metrics(root, mean):
 
 
 def test_tables_and_readme(toy):
+    with pytest.raises(Misuse, match="claims are not computed; make book computes them"):
+        verdicts.readme_with_block(toy)
+    assert verdicts.readme_agrees(toy)  # nothing can differ yet
     write_metrics(toy, 49.0)
     first = verdicts.row(claims.judge_paper(toy, "toy")[0])
     assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]

@@ -95,7 +95,7 @@ def test_statistics_of_phases():
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 2), "from three pieces on"),
         (lambda t: photons.arrival_times(t, NEAR, 500.0, 9), "piece 9 of 500 s has no photon"),
         (lambda t: photons.best_frequency(t, 6.59722, 1e-3), "end of the interval"),
-        (lambda t: photons.arrival_times(t, 100.0), "no pulsation within .* of 100 Hz: the largest Z.2, 6.* by chance"),
+        (lambda t: photons.arrival_times(t, 100.0), "no pulsation within .* of 100 Hz: the largest Z.2, .* by chance"),
         (lambda t: photons.arrival_times(t, 5.0), "no pulsation within 0.002 Hz of 5 Hz"),
     ],
 )
@@ -123,3 +123,12 @@ def test_where_a_parabola_has_fallen_by_one():
     for flat in (s, -s, np.ones(81)):
         with pytest.raises(ValueError, match="does not fall by one on both sides"):
             photons.within_one(s, flat)
+
+
+def test_the_search_reaches_as_far_as_the_earth_moves():
+    """A pulsar of 200 Hz as recorded on the Earth: the frequency is shifted by up to one part in ten thousand."""
+    rng, frequency = np.random.default_rng(5), 200.0 * (1.0 + 1e-4)
+    turns = np.sort(rng.choice(int(1000 * frequency), 3000, replace=False))
+    t = (turns + 0.1 * rng.standard_normal(3000)) / frequency
+    found, _ = photons.best_frequency(t, 200.0)
+    assert found == pytest.approx(frequency, abs=0.1 / np.ptp(t))

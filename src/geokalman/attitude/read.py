@@ -225,7 +225,7 @@ def flight(folder: Path | str, date: str = "") -> Flight:
     days = dates(folder)
     if not days:
         raise Level1Error(
-            f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of unpacked GRACE-FO Level-1A and 1B files "
+            f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of GRACE-FO Level-1A and 1B files "
             "of one day."
         )
     if not date and len(days) > 1:

@@ -20,6 +20,8 @@ __all__ = [
 ]  # fmt: skip
 
 
+DOPPLER = 1.2e-4
+"""Largest shift of a frequency by the motion of the Earth and of a satellite about it, relative."""
 MAX_TURNS = 3e9
 """Photons times frequencies of the longest search: some minutes."""
 
@@ -81,11 +83,12 @@ def h_test(phase: Array) -> float:
 def best_frequency(t: Array, near: float, half_width: float = 2e-3) -> tuple[float, float]:
     """Find the frequency [Hz] near another where Z_1^2 of times t (n,) [s] is largest; both.
 
+    The interval reaches half_width [Hz], but at least DOPPLER of the frequency, to either side.
     Raises ValueError where the maximum stands at an end of the interval, and where chance alone would give it in more
     than one of a thousand searches: exp(-Z_1^2 / 2) for each of the independent frequencies, 1/T apart; and, before
     the work, for events of one time and for more than `MAX_TURNS` turns of phase.
     """
-    t = np.sort(t)
+    t, half_width = np.sort(t), max(half_width, DOPPLER * near)
     t = t - t[0]
     if not t[-1] > 0.0:
         raise ValueError(f"the {len(t)} events all have the same time; they last no time to see a frequency in.")
