@@ -1,16 +1,9 @@
 """Fixtures that several parts use."""
 
-import importlib.util
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
-
-_spec = importlib.util.spec_from_file_location("environmenttool", Path(__file__).with_name("environmenttool.py"))
-environmenttool = importlib.util.module_from_spec(_spec)
-sys.modules["environmenttool"] = environmenttool
-_spec.loader.exec_module(environmenttool)
 
 
 @pytest.fixture

@@ -1,19 +1,11 @@
 """Shared by the airborne tests: the vendored survey, read once."""
 
-import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from geokalman.airborne import read, tables
 from geokalman.files import data_path
-
-_spec = importlib.util.spec_from_file_location("surveyfiles", Path(__file__).with_name("surveyfiles.py"))
-surveyfiles = importlib.util.module_from_spec(_spec)
-sys.modules["surveyfiles"] = surveyfiles
-_spec.loader.exec_module(surveyfiles)
 
 
 @pytest.fixture(scope="session")

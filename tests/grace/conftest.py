@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
@@ -24,11 +21,6 @@ from geokalman.grace.model import Observations, Scenario, Tuning
 from geokalman.grace.recover import Recovery
 from geokalman.grace.simulate import OrbitPair
 from geokalman.physics.field import GravityField
-
-_spec = importlib.util.spec_from_file_location("artists", Path(__file__).with_name("artists.py"))
-artists = importlib.util.module_from_spec(_spec)
-sys.modules["artists"] = artists
-_spec.loader.exec_module(artists)
 
 
 class Flight(NamedTuple):
