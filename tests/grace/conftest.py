@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt
 import numba
 import numpy as np
 import pytest
 
-from geokalman import style
 from geokalman.grace import estimate, observables, recover, simulate
 from geokalman.grace.estimate import Estimate
 from geokalman.grace.model import Observations, Scenario, Tuning
@@ -89,11 +87,3 @@ def quick_los(quick: Flight) -> dict[str, np.ndarray]:
 @pytest.fixture(scope="session")
 def quick_recovery(quick: Flight, quick_los: dict[str, np.ndarray]) -> Recovery:
     return recover.recover(quick.orbit, quick.gravity, quick_los)
-
-
-@pytest.fixture(params=["light", "dark"])
-def theme(request) -> Iterator[dict[str, str]]:
-    """Colours of the theme in force; all figures are closed after."""
-    with style.theme(request.param) as colours:
-        yield {**colours, "name": request.param}
-    plt.close("all")
