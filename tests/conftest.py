@@ -1,16 +1,10 @@
 """Fixtures that several parts use."""
 
-import importlib.util
 import shutil
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-_spec = importlib.util.spec_from_file_location("environmenttool", Path(__file__).with_name("environmenttool.py"))
-environmenttool = importlib.util.module_from_spec(_spec)
-sys.modules["environmenttool"] = environmenttool
-_spec.loader.exec_module(environmenttool)
 
 
 @pytest.fixture
@@ -19,3 +13,15 @@ def package_copy(tmp_path: Path) -> Path:
     source = Path(__file__).resolve().parents[1] / "src" / "geokalman"
     shutil.copytree(source, tmp_path / "copy" / "geokalman", ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path / "copy"
+
+
+@pytest.fixture(params=["light", "dark"])
+def theme(request) -> Iterator[dict[str, str]]:
+    """Colours of the theme in force, and its name; all figures are closed after."""
+    import matplotlib.pyplot as plt  # not for the tests that draw nothing
+
+    from geokalman import style
+
+    with style.theme(request.param) as colours:
+        yield {**colours, "name": request.param}
+    plt.close("all")

@@ -1,8 +1,5 @@
 """Shared by the airborne tests: the vendored survey, read once."""
 
-import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +7,6 @@ import pytest
 from geokalman.airborne import read
 from geokalman.airborne.read import tables
 from geokalman.data import data_path
-
-_spec = importlib.util.spec_from_file_location("surveyfiles", Path(__file__).with_name("surveyfiles.py"))
-surveyfiles = importlib.util.module_from_spec(_spec)
-sys.modules["surveyfiles"] = surveyfiles
-_spec.loader.exec_module(surveyfiles)
 
 
 @pytest.fixture(scope="session")

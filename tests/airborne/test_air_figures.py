@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from artists import assert_dressed, line
 from matplotlib.colors import same_color
 
 from geokalman import style
@@ -11,25 +12,6 @@ from geokalman.style import METHODS
 
 T = np.linspace(0, 900, 400)
 WAVE = 10 * np.sin(T / 100)
-
-
-@pytest.fixture(params=["light", "dark"])
-def theme(request):
-    with style.theme(request.param) as colours:
-        yield colours
-    plt.close("all")
-
-
-def line(axes, label):
-    [found] = [artist for artist in axes.get_lines() if artist.get_label() == label]
-    return found
-
-
-def assert_dressed(figure, theme):
-    assert same_color(figure.get_facecolor(), theme["paper"])
-    for axes in figure.axes:
-        for label in (axes.xaxis.label, axes.yaxis.label, axes.title):
-            assert same_color(label.get_color(), theme["ink"])
 
 
 def labels(figure):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 
 import matplotlib
 
@@ -15,11 +12,6 @@ import pytest
 
 from geokalman.attitude import experiment as flights
 from geokalman.attitude.model import Scenario, Tuning
-
-_spec = importlib.util.spec_from_file_location("level1files", Path(__file__).with_name("level1files.py"))
-level1files = importlib.util.module_from_spec(_spec)
-sys.modules["level1files"] = level1files
-_spec.loader.exec_module(level1files)
 
 
 @pytest.fixture(scope="session")

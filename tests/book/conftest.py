@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import itertools
 import os
 import shutil
-import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
+import toybook
 from filelock import FileLock
 from matplotlib.figure import Figure
 
 from execbook.project import root as project_root
 from execbook import execute, notebooks, parameters, reference, settings
-
-_spec = importlib.util.spec_from_file_location("toybook", Path(__file__).with_name("toybook.py"))
-toybook = importlib.util.module_from_spec(_spec)
-sys.modules["toybook"] = toybook
-_spec.loader.exec_module(toybook)
 
 
 @pytest.fixture

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import NamedTuple
 
 import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt
 import numba
 import numpy as np
 import pytest
 
-from geokalman import style
 from geokalman.grace import estimate, observables, recover, simulate
 from geokalman.grace.estimate import Estimate
 from geokalman.grace.model import Observations, Scenario, Tuning
 from geokalman.grace.recover import Recovery
 from geokalman.grace.simulate import OrbitPair
 from geokalman.physics.field import GravityField
-
-_spec = importlib.util.spec_from_file_location("artists", Path(__file__).with_name("artists.py"))
-artists = importlib.util.module_from_spec(_spec)
-sys.modules["artists"] = artists
-_spec.loader.exec_module(artists)
 
 
 class Flight(NamedTuple):
@@ -97,11 +87,3 @@ def quick_los(quick: Flight) -> dict[str, np.ndarray]:
 @pytest.fixture(scope="session")
 def quick_recovery(quick: Flight, quick_los: dict[str, np.ndarray]) -> Recovery:
     return recover.recover(quick.orbit, quick.gravity, quick_los)
-
-
-@pytest.fixture(params=["light", "dark"])
-def theme(request) -> Iterator[dict[str, str]]:
-    """Colours of the theme in force; all figures are closed after."""
-    with style.theme(request.param) as colours:
-        yield {**colours, "name": request.param}
-    plt.close("all")

@@ -5,9 +5,10 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from artists import DEGREE, IDS, assert_dressed, errors, grids, line, texts
+from artists import assert_dressed, line, texts
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
+from recoveredfield import DEGREE, IDS, errors, grids
 
 from geokalman import style
 from geokalman.grace import figures, observables

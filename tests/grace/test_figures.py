@@ -12,8 +12,9 @@ import inspect
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from artists import DEGREE, assert_dressed, errors, grids, line, texts
+from artists import assert_dressed, line, texts
 from matplotlib.colors import same_color
+from recoveredfield import DEGREE, errors, grids
 
 from geokalman import style
 from geokalman.constants import A_EARTH

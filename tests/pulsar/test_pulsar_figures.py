@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import artists
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.colors import same_color
 
-from geokalman import style
 from geokalman.pulsar import figures
 from geokalman.style import METHODS
 
@@ -15,20 +15,12 @@ N = 60
 EPOCH = np.arange(1, N + 1)
 NAMES = ["B0531+21", "B1821-24", "B1937+21"]
 RNG = np.random.default_rng(0)
-
-
-@pytest.fixture(params=["light", "dark"], autouse=True)
-def theme(request):
-    """The theme in force; all figures are closed after."""
-    with style.theme(request.param) as colours:
-        yield colours
-    plt.close("all")
+pytestmark = pytest.mark.usefixtures("theme")
 
 
 def data_of(axes, label):
     """x, y of the one line with this label."""
-    [line] = [artist for artist in axes.get_lines() if artist.get_label() == label]
-    return line.get_xdata(), line.get_ydata()
+    return artists.line(axes, label).get_data()
 
 
 def labelled(figure):

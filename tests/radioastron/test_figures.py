@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from artists import line
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from geokalman import style
 from geokalman.radioastron import figures
 from geokalman.radioastron.correlator import Plane
 from geokalman.style import METHODS
 
 RNG = np.random.default_rng(1)
-
-
-@pytest.fixture(params=["light", "dark"], autouse=True)
-def theme(request) -> Iterator[dict[str, str]]:
-    with style.theme(request.param) as colours:
-        yield colours
-    plt.close("all")
+pytestmark = pytest.mark.usefixtures("theme")
 
 
 def dressed(figure: Figure, theme: dict[str, str], *units: str) -> None:
@@ -34,11 +27,6 @@ def dressed(figure: Figure, theme: dict[str, str], *units: str) -> None:
     for axes in figure.axes:
         assert same_color(axes.xaxis.label.get_color(), theme["ink"])
     figure.canvas.draw()
-
-
-def line(axes, label: str):
-    [found] = [artist for artist in axes.get_lines() if artist.get_label() == label]
-    return found
 
 
 def test_orbit_view(theme):

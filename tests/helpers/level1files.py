@@ -12,7 +12,7 @@ from geokalman.attitude.model import EPOCH_2019
 from geokalman.attitude.products import GRACE_FO, KEYS
 
 DATE = "2019-01-01"
-FIXTURES = Path(__file__).parent / "fixtures"
+FIXTURES = Path(__file__).parents[1] / "attitude" / "fixtures"
 
 
 def columns_of(product, n=200, seed=0):
