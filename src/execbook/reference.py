@@ -99,12 +99,13 @@ def differences(root: Path, folder: Path, mode: str | None = None) -> list[Diffe
     entries, samples = load(root, name, mode)
     declared = guards(root, name.partition("/")[0])
     whole = any(is_stored(entry) for entry in entries.values())
+    usual = _usual(entries, samples)
     found = []
     for key in sorted({*entries, *metrics, *arrays}):
         entry = entries.get(key, {})
         now = metrics.get(key)
         if is_stored(entry):
-            allowed = _allowed(declared, name, mode, key, entry, samples)[1]
+            allowed = _allowed(declared, name, mode, key, entry, samples, usual)[1]
             if "shape" in entry:
                 found.append(_array_difference(key, entry, allowed, samples.get(key), arrays.get(key)))
             else:
@@ -122,7 +123,13 @@ def is_stored(entry: Mapping[str, Any]) -> bool:
 
 
 def _allowed(
-    declared: Iterable[Guard], name: str, mode: str, key: str, entry: Mapping[str, Any], samples: Mapping[str, Any]
+    declared: Iterable[Guard],
+    name: str,
+    mode: str,
+    key: str,
+    entry: Mapping[str, Any],
+    samples: Mapping[str, Any],
+    usual: float,
 ) -> tuple[str, Tolerance]:
     """Give how a stored number or array is guarded, in words, and its tolerance."""
     for guard in declared:
@@ -131,11 +138,21 @@ def _allowed(
     try:
         if "spread" not in entry and (earlier := {k: v for k, v in entry.items() if k in Tolerance.model_fields}):
             return "an earlier tolerance (no spread yet)", Tolerance.model_validate(earlier)
-        value = largest(samples[key]) if "shape" in entry else entry["value"]
-        found = tolerance.by_rule(value, entry["spread"], entry.get("largest"))
+        found = tolerance.by_rule(_size(key, entry, samples), entry["spread"], entry.get("largest"), usual)
     except KeyError as error:
         raise Fault(f"The stored reference of {key} is malformed: it has no {error}.") from error
     return "a size (rounding)" if found.size is not None else f"a relative difference of {found.rel:.0e}", found
+
+
+def _size(key: str, entry: Mapping[str, Any], samples: Mapping[str, Any]) -> float | None:
+    """Give the stored number, or the largest element of the stored array."""
+    return largest(samples[key]) if "shape" in entry else entry["value"]
+
+
+def _usual(entries: Mapping[str, Any], samples: Mapping[str, Any]) -> float:
+    """Give the usual relative spread of what a notebook stores."""
+    whole = {key: entry for key, entry in entries.items() if is_stored(entry) and "spread" in entry}
+    return tolerance.usual_spread((_size(key, entry, samples), entry["spread"]) for key, entry in whole.items())
 
 
 def kinds(root: Path) -> dict[str, Counter[str]]:
@@ -146,9 +163,10 @@ def kinds(root: Path) -> dict[str, Counter[str]]:
         name, mode = f"{path.parent.name}/{stem}", scale or "paper"
         declared = guards(root, path.parent.name)
         entries, samples = load(root, name, mode)
+        usual = _usual(entries, samples)
         for key, entry in entries.items():
             if is_stored(entry):
-                counts[_allowed(declared, name, mode, key, entry, samples)[0]][mode] += 1
+                counts[_allowed(declared, name, mode, key, entry, samples, usual)[0]][mode] += 1
     return counts
 
 

@@ -5,6 +5,10 @@ The rule, for a stored value v whose spread s is the largest difference between 
     s > 1e-3 |v|   the number is rounding: |ours| <= ten times the largest magnitude seen
     else           |ours - v| <= r |v|, with r = 30 s / |v| rounded up to a power of ten, at least 1e-9
 
+A few settings are a small sample, and by luck a number may have come out nearly alike in all of them. A number that
+moves at all therefore has at least a tenth of the median s / |v| of its notebook, or thirty times its own where that
+is less.
+
 An array is judged by its largest element. `tests/reference/<paper>/guards.yml` declares the keys that the rule does not
 fit (chaotic ones, arguments of a maximum, times), each with a reason.
 """
@@ -12,11 +16,14 @@ fit (chaotic ones, arguments of a maximum, times), each with a reason.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from statistics import median
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 _ROUNDING, _SPREADS, _FLOOR, _LARGEST = 1e-3, 30, 1e-9, 10
+_FIXED, _LUCK = 1e-12, 0.1
 _TOGETHER = ({"rel", "abs"}, {"min", "max"})
 
 
@@ -80,12 +87,25 @@ def is_rounding(size: float, spread: float) -> bool:
     return spread > _ROUNDING * size
 
 
-def by_rule(value: float | None, spread: float, largest: float | None = None) -> Tolerance:
-    """Give the tolerance of a number (of an array: its largest element) by the spread and the largest ever seen."""
+def usual_spread(numbers: Iterable[tuple[float | None, float]]) -> float:
+    """Give the median s / |v| of the numbers (v, s) of a notebook that move and are not rounding; 0 without any."""
+    sized = [(abs(value), spread) for value, spread in numbers if value]
+    moving = [spread / size for size, spread in sized if spread > _FIXED * size and not is_rounding(size, spread)]
+    return median(moving) if moving else 0.0
+
+
+def by_rule(value: float | None, spread: float, largest: float | None = None, usual: float = 0.0) -> Tolerance:
+    """Give the tolerance of a number (of an array: its largest element) by the spread and the largest ever seen.
+
+    usual : the `usual_spread` of its notebook.
+    """
     size = abs(value or 0.0)
     if is_rounding(size, spread):
         return Tolerance(size=_LARGEST * max(size, largest or 0.0))
-    ratio = _SPREADS * spread / size if size else 0.0
+    relative = spread / size if size else 0.0
+    if relative > _FIXED:
+        relative = max(relative, min(_LUCK * usual, _SPREADS * relative))
+    ratio = _SPREADS * relative
     return Tolerance(rel=max(_FLOOR, float(f"1e{math.ceil(math.log10(ratio))}")) if ratio else _FLOOR)
 
 

@@ -3,7 +3,7 @@
 import pytest
 from pydantic import ValidationError
 
-from execbook.tolerance import Tolerance, by_rule
+from execbook.tolerance import Tolerance, by_rule, usual_spread
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,19 @@ from execbook.tolerance import Tolerance, by_rule
 )
 def test_the_rule(value, spread, largest, wanted):
     assert by_rule(value, spread, largest).model_dump(exclude_none=True) == pytest.approx(wanted)
+
+
+def test_a_number_alike_in_all_settings_by_luck_has_a_tenth_of_what_is_usual():
+    """A ratio of two RMS whose parts move by 3e-7 each, seen within 3e-9 in three settings and at 2.7e-7 in another."""
+    others = [(9.39, 4.5e-6), (995.0, 1.7e-4), (2.07, 2.8e-6), (3.0, 0.0), (0.0, 1e-3), (1e-17, 1e-9), (None, 0.0)]
+    usual = usual_spread(others)
+    assert usual == pytest.approx(4.5e-6 / 9.39), "the median of three: fixed numbers, nulls and rounding do not count"
+    lucky = by_rule(1.0028806, 2.9e-9, usual=usual)
+    assert lucky.holds(1.0028809, 1.0028806) and not by_rule(1.0028806, 2.9e-9).holds(1.0028809, 1.0028806)
+    assert by_rule(5.0, 1e-15, usual=usual).rel == 1e-9, "what does not move stays fixed"
+    assert by_rule(9.39, 4.5e-6, usual=usual) == by_rule(9.39, 4.5e-6), "it only widens"
+    assert by_rule(5.0, 1e-11, usual=usual).rel == 1e-8, "by thirty at most"
+    assert usual_spread([(3.0, 0.0)]) == 0.0
 
 
 @pytest.mark.parametrize(
