@@ -18,7 +18,14 @@ from execbook.errors import Fault, Misuse
 from execbook.tolerance import Tolerance
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
-_OPERATORS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+_SAME = 1e-6  # relative difference of numbers that are one but for rounding
+_OPERATORS = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "=": functools.partial(math.isclose, rel_tol=_SAME),
+}
 NEAR = 0.02
 """Distance from its threshold, relative to it, up to which a claim is listed as near."""
 MetricName = Annotated[str, Field(pattern=r"^[\w.-]+/[\w.-]+:[A-Za-z0-9_.+-]+$")]
@@ -52,10 +59,10 @@ class _Strict(BaseModel):
 
 
 class Compare(_Strict):
-    """A comparison of recorded numbers, left op factor * right."""
+    """A comparison of recorded numbers, left op factor * right; = holds within one part in a million."""
 
     left: MetricName
-    op: Literal["<", "<=", ">", ">="]
+    op: Literal["<", "<=", ">", ">=", "="]
     right: MetricName | float
     factor: float = 1.0
 
@@ -213,7 +220,7 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
     else:
         ours, holds = _compare(claim.compare, values, units)
         why = ""
-        sides = [(c, *c.sides(values)) for c in claim.compare]
+        sides = [(c, *c.sides(values)) for c in claim.compare if c.op != "="]
         thresholds = [(left, c.factor * right) for c, left, right in sides]
     if not holds:
         verdict, words = "not-reproduced", claim.reason

@@ -264,12 +264,19 @@ def test_a_factor_has_a_sign_and_a_zero_is_no_multiple():
 
 @pytest.mark.parametrize(
     ("op", "holds"), [("<", [True, False, False]), ("<=", [True, True, False]), (">", [False, False, True]),
-                      (">=", [False, True, True])],
+                      (">=", [False, True, True]), ("=", [False, True, False])],
 )  # fmt: skip
 def test_every_comparison_below_at_and_above(op, holds):
     claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": op, "right": 1.5, "factor": 2})
     found = [claims.judge(claim, metrics(x)).verdict == "reproduced" for x in (2.5, 3.0, 3.5)]
     assert found == holds
+
+
+def test_numbers_that_are_one_but_for_rounding_are_equal_and_near_nothing():
+    claim = make(metric=None, accept=None, compare={"left": "toy/01-line:x", "op": "=", "right": 3.0})
+    found = [claims.judge(claim, metrics(3.0 * (1 + off))) for off in (9e-7, -9e-7, 1.1e-6, -1.1e-6)]
+    assert [j.verdict for j in found] == ["reproduced", "reproduced", "not-reproduced", "not-reproduced"]
+    assert not any(j.is_near for j in found)
 
 
 def test_all_comparisons_must_hold_in_any_order():
