@@ -31,6 +31,9 @@ book: env ## all notebooks at the papers' scale, and the book: book/_build/html/
 
 test: ## the whole suite, quick notebooks included
 	@$(ENV) test
+	$(BIN)/ruff check --quiet
+	$(BIN)/ruff format --check --quiet
+	$(BIN)/pyrefly check --output-format min-text
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --mpl $(PYTEST)
 
 check: ## paper-scale results against stored references and claims; the built book in a browser
@@ -58,7 +61,7 @@ lab: ## the notebooks in JupyterLab
 	$(BIN)/jupyter lab book
 
 bench: ## speed, beside the peers; never a gate
-	@$(ENV) test
+	@$(ENV) test bench
 	@for script in tests/benchmarks/bench_*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 coverage: ## how much of src the tests execute, with compilation off

@@ -92,7 +92,13 @@ def truth_seen(path: Path) -> set[str]:
         names = {n.split(".")[2] for n in imports(current) if n.startswith(f"geokalman.{part_of(path)}.")}
         files = {path.with_name(n) / "__init__.py" for n in names} | {path.with_name(f"{n}.py") for n in names}
         todo |= {p for p in files if p.is_file()} - seen
-    return {p.parent.name if p.stem == "__init__" else p.stem for p in seen} & {"simulate", "truth", "assess", "experiment", "figures"}
+    return {p.parent.name if p.stem == "__init__" else p.stem for p in seen} & {
+        "simulate",
+        "truth",
+        "assess",
+        "experiment",
+        "figures",
+    }
 
 
 def machinery(code: str) -> set[str]:

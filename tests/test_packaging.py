@@ -163,7 +163,9 @@ def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, 
 
 def beside_the_package(names: list[str]) -> list[str]:
     """Files of a wheel that are neither of the two packages, nor the entry point, nor metadata."""
-    return [name for name in names if not name.startswith(("geokalman/", "execbook/", "geokalman_entry.py", "geokalman-"))]
+    return [
+        name for name in names if not name.startswith(("geokalman/", "execbook/", "geokalman_entry.py", "geokalman-"))
+    ]
 
 
 def test_the_wheel_carries_the_algorithms_alone(tmp_path: Path) -> None:

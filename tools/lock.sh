@@ -12,6 +12,7 @@ compile environment.in -o environment.txt
 for extra in test lab; do
     compile -c environment.txt "tools/locks/$extra.in" -o "tools/locks/$extra.txt"
 done
+compile -c environment.txt -c tools/locks/test.txt tools/locks/bench.in -o tools/locks/bench.txt
 compile tools/locks/uv.in -o tools/locks/uv.txt
 
 nowhere=$(mktemp -d)

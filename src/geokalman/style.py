@@ -14,7 +14,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 
 
-class Method(NamedTuple):
+class MethodStyle(NamedTuple):
     """How one method is drawn everywhere: its colour in each theme, line style, marker and label."""
 
     light: str
@@ -29,39 +29,39 @@ class Method(NamedTuple):
         return self.dark if _theme == "dark" else self.light
 
 
-METHODS: dict[str, Method] = {
-    "truth": Method("#000000", "#f2f2f2", "-", "", "truth"),
-    "newton": Method("#b34700", "#ff9b52", "--", "s", "Newton"),
-    "ekf": Method("#0072b2", "#62b8ee", "-.", "^", "EKF"),
-    "ukf": Method("#00795a", "#2fcf9f", "-", "o", "UKF"),
-    "exact": Method("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
-    "spline": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
-    "akf7": Method("#b34700", "#ff9b52", "--", "s", "AKF7 (paper)"),
-    "mekf": Method("#0072b2", "#62b8ee", "-.", "^", "MEKF"),
-    "mekf_rts": Method("#00795a", "#2fcf9f", "-", "o", "MEKF + RTS"),
-    "jpl_like": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "JPL-like stand-in"),
-    "imu": Method("#6b6b6b", "#b5b5b5", ":", "x", "gyros (IMU1B-like)"),
-    "sca1": Method("#0072b2", "#62b8ee", "-", "^", "SCA1"),
-    "sca2": Method("#b34700", "#ff9b52", "-", "s", "SCA2"),
-    "sca3": Method("#00795a", "#2fcf9f", "-", "o", "SCA3"),
-    "sca12": Method("#0072b2", "#62b8ee", "--", "^", "SCA12"),
-    "sca13": Method("#b34700", "#ff9b52", "--", "s", "SCA13"),
-    "sca23": Method("#9b4f80", "#e29bc7", "--", "D", "SCA23"),
-    "sca123": Method("#00795a", "#2fcf9f", "-", "o", "SCA123"),
-    "prior": Method("#b34700", "#ff9b52", "--", "s", "a-priori orbit"),
-    "batch": Method("#00795a", "#2fcf9f", "-", "o", "batch"),
-    "naive": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "naive EKF"),
-    "aekf1": Method("#b34700", "#ff9b52", "-", "o", "AEKF1"),
-    "aekf2": Method("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
-    "raekf": Method("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
-    "rts": Method("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
-    "forward": Method("#b34700", "#ff9b52", ":", "s", "forward filter"),
-    "fb": Method("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
-    "reference": Method("#000000", "#f2f2f2", "-", "", "reference"),
-    "contractor": Method("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
-    "grid": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
-    "joint": Method("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
-    "neutral": Method("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
+METHODS: dict[str, MethodStyle] = {
+    "truth": MethodStyle("#000000", "#f2f2f2", "-", "", "truth"),
+    "newton": MethodStyle("#b34700", "#ff9b52", "--", "s", "Newton"),
+    "ekf": MethodStyle("#0072b2", "#62b8ee", "-.", "^", "EKF"),
+    "ukf": MethodStyle("#00795a", "#2fcf9f", "-", "o", "UKF"),
+    "exact": MethodStyle("#6b6b6b", "#b5b5b5", ":", "x", "exact"),
+    "spline": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "spline"),
+    "akf7": MethodStyle("#b34700", "#ff9b52", "--", "s", "AKF7 (paper)"),
+    "mekf": MethodStyle("#0072b2", "#62b8ee", "-.", "^", "MEKF"),
+    "mekf_rts": MethodStyle("#00795a", "#2fcf9f", "-", "o", "MEKF + RTS"),
+    "jpl_like": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "JPL-like stand-in"),
+    "imu": MethodStyle("#6b6b6b", "#b5b5b5", ":", "x", "gyros (IMU1B-like)"),
+    "sca1": MethodStyle("#0072b2", "#62b8ee", "-", "^", "SCA1"),
+    "sca2": MethodStyle("#b34700", "#ff9b52", "-", "s", "SCA2"),
+    "sca3": MethodStyle("#00795a", "#2fcf9f", "-", "o", "SCA3"),
+    "sca12": MethodStyle("#0072b2", "#62b8ee", "--", "^", "SCA12"),
+    "sca13": MethodStyle("#b34700", "#ff9b52", "--", "s", "SCA13"),
+    "sca23": MethodStyle("#9b4f80", "#e29bc7", "--", "D", "SCA23"),
+    "sca123": MethodStyle("#00795a", "#2fcf9f", "-", "o", "SCA123"),
+    "prior": MethodStyle("#b34700", "#ff9b52", "--", "s", "a-priori orbit"),
+    "batch": MethodStyle("#00795a", "#2fcf9f", "-", "o", "batch"),
+    "naive": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "naive EKF"),
+    "aekf1": MethodStyle("#b34700", "#ff9b52", "-", "o", "AEKF1"),
+    "aekf2": MethodStyle("#9b4f80", "#e29bc7", "--", "s", "AEKF2"),
+    "raekf": MethodStyle("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
+    "rts": MethodStyle("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
+    "forward": MethodStyle("#b34700", "#ff9b52", ":", "s", "forward filter"),
+    "fb": MethodStyle("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
+    "reference": MethodStyle("#000000", "#f2f2f2", "-", "", "reference"),
+    "contractor": MethodStyle("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
+    "grid": MethodStyle("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
+    "joint": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
+    "neutral": MethodStyle("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 
 _COMMON = {

@@ -1,6 +1,5 @@
 """Shared by the airborne tests: the vendored survey, read once."""
 
-
 import numpy as np
 import pytest
 

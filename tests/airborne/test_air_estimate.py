@@ -208,6 +208,8 @@ def test_settled_filter_is_a_line_without_data():
 
 
 def test_a_low_pass_that_memory_does_not_hold_is_refused():
-    sentence = r"^The gain of a low-pass of 280 s in steps of 1e-09 s needs .* TB of memory, and .*; give a longer dt\.$"
+    sentence = (
+        r"^The gain of a low-pass of 280 s in steps of 1e-09 s needs .* TB of memory, and .*; give a longer dt\.$"
+    )
     with pytest.raises(memory.TooLarge, match=sentence):
         classical.fir_gain(280.0, 1e-9, np.linspace(0.0, 0.1, 300))

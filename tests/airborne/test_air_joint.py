@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from geokalman import memory
 from geokalman.airborne import assess, joint, level
 from geokalman.airborne.model import Line, Tuning, build
-from geokalman.airborne.read import Flight
+from geokalman.airborne.read import SurveyLine
 
 BOX = joint.Waves(n_max=4, box=20e3, sigma=5.0, depth=500.0, power=1.0, fine=0.1, fine_depth=500.0, height=300.0)
 
@@ -25,7 +25,7 @@ def flight(name, east, north, gravity, rng, noise=1.0):
     z = double_integral(drive, dt, rng.normal(0, 1e5))[1] + 500 * rng.standard_normal(n)
     zeros = np.zeros((n - 1, 4))
     line = Line(name, t, z, np.full(n, 980_000.0), zeros, zeros, 50.0)
-    return Flight(line, east * 0, north * 0, east, north, np.full(n, 300.0), {"truth": gravity})
+    return SurveyLine(line, east * 0, north * 0, east, north, np.full(n, 300.0), {"truth": gravity})
 
 
 @pytest.fixture(scope="module")
@@ -198,5 +198,7 @@ def test_a_field_that_memory_does_not_hold_is_refused(toy, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 1e8)
     waves = replace(BOX, n_max=40)
     size = memory.text(16 * waves.count * (waves.count + 14 * 65))
-    with pytest.raises(memory.TooLarge, match=rf"^A field of {waves.count} unknowns needs {size} of memory, .*lower n_max"):
+    with pytest.raises(
+        memory.TooLarge, match=rf"^A field of {waves.count} unknowns needs {size} of memory, .*lower n_max"
+    ):
         joint.joint_field(toy[0], waves=waves)

@@ -94,7 +94,9 @@ def test_matched_world_is_consistent():
 
 
 def test_a_lag_is_found():
-    run = experiment.simulated(simulate.Scenario(n_lines=1, length_km=30.0, tau3=0.020), Tuning.preset("paper_like"), 0)[0]
+    run = experiment.simulated(
+        simulate.Scenario(n_lines=1, length_km=30.0, tau3=0.020), Tuning.preset("paper_like"), 0
+    )[0]
     assert run.estimated["tau3"] == pytest.approx(0.020, abs=1e-3)  # f3' = f3 + tau3 df3/dt: early, not late
 
 

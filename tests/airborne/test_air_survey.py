@@ -272,7 +272,11 @@ def test_selecting_a_line_twice_or_none(kauring):
 
 
 def test_samples_of_lines(kauring):
-    assert [f.name for f in experiment.sample(kauring.flights, "test", [104000, 104200])] == ["104000", "104100", "104200"]
+    assert [f.name for f in experiment.sample(kauring.flights, "test", [104000, 104200])] == [
+        "104000",
+        "104100",
+        "104200",
+    ]
     with pytest.raises(
         ValueError, match=r"test = \[1, 2\]: no line of at least 800 points lies between; they run from"
     ):

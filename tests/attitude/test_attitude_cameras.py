@@ -124,7 +124,7 @@ def test_mounting_errors_are_found_but_for_what_all_share():
     scenario = Scenario(duration_s=1200.0)
     motion = truth.fly(scenario, np.random.default_rng(1))["C"]
     t, q_camera = simulate.cameras(motion, scenario, np.random.default_rng(2))
-    raw = simulate.Raw("C", 0, t, q_camera, QSA, None, None)
+    raw = simulate.Telemetry("C", 0, t, q_camera, QSA, None, None)
     clean = in_satellite_axes(raw)
     wrong = 1.5e-4 * rng.standard_normal((3, 3))
     off = np.stack([multiply(q, exp(e)) for q, e in zip(clean, wrong, strict=True)])

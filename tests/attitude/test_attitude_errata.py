@@ -42,7 +42,7 @@ def test_the_filter_predicts_by_equation_5():
     w = 1e-2 * rng.standard_normal((9, 3))
     z = np.full((10, 4), np.nan)
     z[0] = exp(rng.standard_normal(3))
-    data = estimate.Measured(
+    data = estimate.Observations(
         0.5, 0.5 * w, z, np.tile(1e-10 * np.eye(3), (10, 1, 1)), 1e-14 * np.eye(3), 1e-22 * np.eye(3)
     )
     q = z[0]
@@ -107,7 +107,7 @@ def test_a_filter_that_copies_the_gyro_has_no_difference_and_a_bad_attitude(hour
     q = [solved["C"].measured.z[int(np.argmax(np.isfinite(solved["C"].measured.z[:, 0])))]]
     for step in d:
         q.append(multiply(q[-1], exp(step)))
-    copied = estimate.Solution(
+    copied = estimate.Estimate(
         np.array(q), np.zeros((len(q), 3)), np.zeros((len(q), 3, 3)), np.zeros(len(q)), np.zeros(len(q), bool)
     )
     sound = solved["C"].solutions["mekf"]
@@ -139,7 +139,9 @@ def test_the_offset_changes_the_antenna_rate_by_more_than_itself(hours, tuning):
 
 def test_the_additive_filter_starts_from_anywhere_with_a_prior_of_full_rank(hours, solved, tuning):
     """I9: below tens of microradians 10 s after a start 60 degrees off; its covariance has the rank of the attitude."""
-    error = experiment.wrong_start(hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(5), 60, "akf7")
+    error = experiment.wrong_start(
+        hours, "C", solved["C"], tuning, np.radians(60), np.random.default_rng(5), 60, "akf7"
+    )
     assert error[10:].max() < 3e-5
     cov = solved["C"].solutions["akf7"].cov[-1]
     np.testing.assert_allclose(cov, solved["C"].solutions["mekf"].cov[-1], rtol=2e-3, atol=2e-15)

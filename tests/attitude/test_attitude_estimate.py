@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geokalman.attitude import assess, estimate, experiment, gyro
-from geokalman.attitude.estimate import Measured
+from geokalman.attitude.estimate import Observations
 from geokalman.attitude.experiment import solve
 from geokalman.attitude.gyro import GyroWarning
 from geokalman.attitude.header import Level1Error
@@ -21,8 +21,8 @@ from geokalman.kalman.smoothing import smooth
 from geokalman.physics.quaternion import difference, exp, matrix, multiply
 
 
-def rms(result, trip, name, satellite):
-    truth = trip.true_attitude(satellite)
+def rms(result, recording, name, satellite):
+    truth = recording.true_attitude(satellite)
     return assess.rms(assess.error(result.solutions[name].q, truth)[assess.inner(len(truth))])
 
 
@@ -69,8 +69,10 @@ def test_the_sweep_of_gyro_noise(hours, arw, attitude, rate):
     """Section 5: attitude and rate minus IMU1B follow the angle random walk; six hours, since little gyro noise settles
     slowly."""
     tuned = Tuning(arw_deg_sqrt_h=arw)
-    trip = experiment.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
-    table = assess.table_of([assess.statistics(solve(trip, s, tuned, ("mekf",)), trip.true_attitude(s)) for s in "CD"])
+    recording = experiment.flight(Scenario(duration_s=21600.0, arw_deg_sqrt_h=arw), 1)
+    table = assess.table_of(
+        [assess.statistics(solve(recording, s, tuned, ("mekf",)), recording.true_attitude(s)) for s in "CD"]
+    )
     assert assess.axis_mean(table, "attitude_rms.mekf") == pytest.approx(attitude, abs=0.35e-6)
     assert assess.axis_mean(table, "rate_minus_imu.mekf") == pytest.approx(rate, rel=0.03)
 
@@ -139,7 +141,7 @@ def test_filtering_at_8_hz_gives_the_same(short, tuning):
     z = np.full((8 * (len(m.z) - 1) + 1, 4), np.nan)
     R = np.full((len(z), 3, 3), np.nan)
     z[::8], R[::8] = m.z, m.R
-    fine = estimate.mekf(Measured(0.125, result.increments.d, z, R, m.rate_cov, m.bias_cov), tuning)
+    fine = estimate.mekf(Observations(0.125, result.increments.d, z, R, m.rate_cov, m.bias_cov), tuning)
     assert np.nanmax(np.abs(difference(fine.q[::8], result.solutions["mekf"].q))) < 1e-8
 
 
@@ -264,9 +266,9 @@ def test_a_faulty_axis_is_found_and_left_out(hours, tuning):
     spoiled = raw.gyro.copy()
     ramp = np.clip(np.arange(raw.gyro.shape[1]) - 40000, 0, None) * 1e-4
     spoiled[2] = (spoiled[2] + ramp + WRAP_DEG) % (2 * WRAP_DEG) - WRAP_DEG
-    trip = replace(hours, raw=hours.raw | {"C": replace(raw, gyro=spoiled)})
+    recording = replace(hours, raw=hours.raw | {"C": replace(raw, gyro=spoiled)})
     with pytest.warns(GyroWarning, match="GRACE-C: gyro axis 3 disagrees with the others from 49"):
-        result = solve(trip, "C", tuning, ("mekf",))
+        result = solve(recording, "C", tuning, ("mekf",))
     without = solve(hours, "C", replace(tuning, axes=(1, 2, 4)), ("mekf",))
     np.testing.assert_allclose(result.solutions["mekf"].q, without.solutions["mekf"].q, atol=1e-12)
 
@@ -283,16 +285,16 @@ def test_a_missing_axis_is_left_out_with_the_default_axes(short, tuning, axis):
     """Bad input 9, the whole way: an axis without samples is dropped and the gyro covariance is that of the other
     three.
     """
-    trip = replace(short, raw=short.raw | {"D": without_axes(short.raw["D"], axis)})
+    recording = replace(short, raw=short.raw | {"D": without_axes(short.raw["D"], axis)})
     with pytest.warns(GyroWarning, match=f"GRACE-D: gyro axis {axis} gave no samples and was left out"):
-        result = solve(trip, "D", tuning, ("mekf",))
+        result = solve(recording, "D", tuning, ("mekf",))
     rest = replace(tuning, axes=tuple(a for a in (1, 2, 3, 4) if a != axis))
     expected = solve(short, "D", rest, ("mekf",))
     np.testing.assert_array_equal(result.solutions["mekf"].q, expected.solutions["mekf"].q)
     np.testing.assert_array_equal(result.measured.rate_cov, rest.rate_covariance("D"))
     assert np.isfinite(result.measured.d).all()
     with pytest.warns(GyroWarning, match="gave no samples"):
-        np.testing.assert_array_equal(gyro.reduced(trip.raw["D"], tuning).d, gyro.reduced(short.raw["D"], rest).d)
+        np.testing.assert_array_equal(gyro.reduced(recording.raw["D"], tuning).d, gyro.reduced(short.raw["D"], rest).d)
 
 
 def test_two_missing_axes_stop(short, tuning):
@@ -307,8 +309,8 @@ def test_two_missing_axes_stop(short, tuning):
 def test_edges_of_the_clock_are_flagged_and_left_out_of_the_statistics(hours, tuning):
     """Bad inputs 5 and 11: marked seconds are filtered, flagged, and do not count."""
     edge = hours.t[3000:3300]
-    trip = replace(hours, edge={"C": edge})
-    result = solve(trip, "C", tuning, ("mekf",))
+    recording = replace(hours, edge={"C": edge})
+    result = solve(recording, "C", tuning, ("mekf",))
     assert result.edge.sum() == 300 and result.edge[3000:3300].all()
     flagged = result.flagged("mekf", 1e-3)
     np.testing.assert_array_equal(flagged, result.edge)
@@ -317,7 +319,7 @@ def test_edges_of_the_clock_are_flagged_and_left_out_of_the_statistics(hours, tu
     spoiled[3000:3300] = multiply(spoiled[3000:3300], exp(np.array([1e-3, 0, 0])))
     sound, same = (assess.statistics(result, q) for q in (hours.true_attitude("C"), spoiled))
     assert same["attitude_rms.mekf.roll"] == sound["attitude_rms.mekf.roll"] < 3e-6
-    fast = solve(trip, "C", replace(tuning, update_hz=2), ("mekf",))
+    fast = solve(recording, "C", replace(tuning, update_hz=2), ("mekf",))
     assert fast.edge.sum() == 600
 
 

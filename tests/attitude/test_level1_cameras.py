@@ -184,9 +184,9 @@ def test_neighbouring_days_mend_the_edges(tmp_path, short):
     for s in ("C", "D"):
         write.write_orbit(tmp_path, s, short.t, short.r[s], short.v[s])
     with pytest.warns(Level1Warning, match=r"2\d seconds of GRACE-C from \d+ s on stand at an edge of its clock"):
-        trip = flights.flight(Scenario(), 0, str(tmp_path))
-    assert len(trip.edge["C"]) > 15 and not len(trip.edge["D"])
-    marked = flights.solve(trip, "C", Tuning(), ("mekf",)).edge
+        recording = flights.flight(Scenario(), 0, str(tmp_path))
+    assert len(recording.edge["C"]) > 15 and not len(recording.edge["D"])
+    marked = flights.solve(recording, "C", Tuning(), ("mekf",)).edge
     assert marked[:15].all() and not marked[30:].any()
     before = tmp_path / path.name.replace(DATE, "2018-12-31")
     before.write_text(path.read_text().replace(DATE, "2018-12-31"))

@@ -70,10 +70,10 @@ def test_a_gyro_axis_without_rows_is_left_out(folder, tmp_path, short, tuning):
     copied = shutil.copytree(folder, tmp_path / "day")
     edit(next(copied.glob("IMU1A*_C_04.txt")), lambda body: [line for line in body if line.split()[4] != "4"])
     with pytest.warns(Level1Warning, match="header promises"):
-        trip = flights.flight(Scenario(), 0, str(copied))
-    assert np.isnan(trip.raw["C"].gyro[3]).all() and np.isfinite(trip.raw["C"].gyro[:3]).all()
+        recording = flights.flight(Scenario(), 0, str(copied))
+    assert np.isnan(recording.raw["C"].gyro[3]).all() and np.isfinite(recording.raw["C"].gyro[:3]).all()
     with pytest.warns(GyroWarning, match="GRACE-C: gyro axis 4 gave no samples"):
-        result = flights.solve(trip, "C", tuning, ("mekf",))
+        result = flights.solve(recording, "C", tuning, ("mekf",))
     expected = flights.solve(short, "C", replace(tuning, axes=(1, 2, 3)), ("mekf",))
     assert np.nanmax(np.abs(difference(result.solutions["mekf"].q, expected.solutions["mekf"].q))) < 2e-9
     edit(next(copied.glob("IMU1A*_D_04.txt")), lambda body: [line for line in body if line.split()[4] in "12"])

@@ -294,8 +294,8 @@ def test_holes_in_accelerations_are_not_bridged(folder, short):
     keep = (short.t < 40) | (short.t > 70)
     write.write_accelerations(folder, "C", short.t[keep], np.full((keep.sum(), 3), 1e-6))
     with pytest.warns(Level1Warning, match="ACT1B of C has a hole of 3. s; the accelerations are left out"):
-        trip = flights.flight(Scenario(), 0, str(folder))
-    assert trip.accelerations == {}
+        recording = flights.flight(Scenario(), 0, str(folder))
+    assert recording.accelerations == {}
 
 
 def test_a_damaged_file_of_accelerations_is_not_passed_over(folder, short):
@@ -309,8 +309,10 @@ def test_a_folder_of_gzipped_files(folder, short):
     for path in folder.glob("*.txt"):
         path.with_name(path.name + ".gz").write_bytes(gzip.compress(path.read_bytes()))
         path.unlink()
-    trip = flights.flight(Scenario(), 0, str(folder))
-    np.testing.assert_array_equal(trip.r["C"], short.r["C"][[k for k, t in enumerate(short.t) if t in trip.t]])
+    recording = flights.flight(Scenario(), 0, str(folder))
+    np.testing.assert_array_equal(
+        recording.r["C"], short.r["C"][[k for k, t in enumerate(short.t) if t in recording.t]]
+    )
 
 
 # --- what is written otherwise, and means the same ---

@@ -14,15 +14,15 @@ from stopwatch import smallest, told, told_machine, told_part
 
 from geokalman.attitude import cameras, estimate, experiment, gyro, write
 from geokalman.attitude.model import GYRO_HZ, SATELLITES, Scenario, Tuning
-from geokalman.attitude.truth import Flight
+from geokalman.attitude.truth import Recording
 
 
-def through_files(trip: Flight, scenario: Scenario) -> Flight:
+def through_files(recording: Recording, scenario: Scenario) -> Recording:
     """Write a flight to Level-1 files and read it back."""
     with tempfile.TemporaryDirectory() as folder:
         for s in SATELLITES:
-            write.write_raw(folder, trip.raw[s])
-            write.write_orbit(folder, s, trip.t, trip.r[s], trip.v[s])
+            write.write_raw(folder, recording.raw[s])
+            write.write_orbit(folder, s, recording.t, recording.r[s], recording.v[s])
         return experiment.flight(scenario, 0, folder)
 
 
@@ -30,9 +30,9 @@ def main() -> None:
     told_machine()
     scenario, tuning = Scenario(duration_s=86400.0), Tuning()
     told("a simulated day, both satellites", smallest(lambda: experiment.flight(scenario, 1), 3), "s", 15.0)
-    trip = experiment.flight(scenario, 1)
-    result = experiment.solve(trip, "C", tuning, ("mekf",))
-    m, raw = result.measured, trip.raw["C"]
+    recording = experiment.flight(scenario, 1)
+    result = experiment.solve(recording, "C", tuning, ("mekf",))
+    m, raw = result.measured, recording.raw["C"]
     at_8_hz = m._replace(d=result.increments.d)
 
     def together() -> None:
@@ -47,7 +47,7 @@ def main() -> None:
         told(label, 1e6 * smallest(work, 3) / len(m.z), "us per 1 Hz epoch", limit)
     told("combination of a day of cameras", smallest(lambda: cameras.combination(raw, tuning), 3), "s")
     told("gyro chain of a day", smallest(lambda: gyro.reduced(raw, tuning), 3), "s")
-    told("a day through Level-1 files, written and read", smallest(lambda: through_files(trip, scenario), 1), "s")
+    told("a day through Level-1 files, written and read", smallest(lambda: through_files(recording, scenario), 1), "s")
     told_part("gracefo-attitude", 6)
 
 

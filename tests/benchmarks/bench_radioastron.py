@@ -14,7 +14,7 @@ from stopwatch import smallest, told, told_machine, told_part
 
 from geokalman.radioastron import experiment
 from geokalman.radioastron.correlator import Setup, coherence
-from geokalman.radioastron.data import Levels
+from geokalman.radioastron.data import Scenario
 from geokalman.radioastron.model import find_session, nominal_state, world
 
 
@@ -26,7 +26,7 @@ def main() -> None:
     told_machine()
     told("propagation of one day", 1e3 * smallest(lambda: dynamics.propagate(state, day)), "ms", 10.0)
     told("one day with transition matrix", 1e3 * smallest(lambda: dynamics.transition(state, *day)), "ms")
-    sixty = smallest(lambda: experiment.standard(session, Levels(), 1000, 60), 1)
+    sixty = smallest(lambda: experiment.standard(session, Scenario(), 1000, 60), 1)
     told("session study, 60 seeds, three estimators", sixty, "s", 20.0)
     told("coherence, 256 channels, padding 4", 1e3 * smallest(lambda: coherence(Setup(), 1.8e-10, 0.0)), "ms")
     told_part("radioastron-orbit", 4)

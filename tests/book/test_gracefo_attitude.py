@@ -95,10 +95,10 @@ def test_recorded_names(run, name, keys):
 def day(tmp_path_factory):
     """Level-1 files of 25 minutes, written by the simulation; one record of a gyro axis is lost."""
     folder = tmp_path_factory.mktemp("day")
-    trip = experiment.flight(Scenario(duration_s=1500.0), 5)
+    recording = experiment.flight(Scenario(duration_s=1500.0), 5)
     for s in SATELLITES:
-        write.write_raw(folder, trip.raw[s])
-        write.write_orbit(folder, s, trip.t, trip.r[s], trip.v[s])
+        write.write_raw(folder, recording.raw[s])
+        write.write_orbit(folder, s, recording.t, recording.r[s], recording.v[s])
     lossy = next(folder.glob("IMU1A*_C_04.txt"))
     lines = lossy.read_text(encoding="utf-8").splitlines(keepends=True)
     lossy.write_text("".join(lines[:20000] + lines[20001:]), encoding="utf-8")

@@ -17,7 +17,7 @@ from geokalman.grace import estimate, observables, recover, simulate
 from geokalman.grace.estimate import Estimate
 from geokalman.grace.model import Observations, Scenario, Tuning
 from geokalman.grace.recover import Recovery
-from geokalman.grace.simulate import OrbitPair
+from geokalman.grace.simulate import Truth
 from geokalman.physics.field import GravityField
 
 
@@ -26,7 +26,7 @@ class Flight(NamedTuple):
 
     scenario: Scenario
     gravity: GravityField
-    orbit: OrbitPair
+    orbit: Truth
     data: Observations
 
 

@@ -11,7 +11,7 @@ from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess
 from geokalman.grace.model import range_rate
 from geokalman.grace.recover import Recovery
-from geokalman.grace.simulate import OrbitPair
+from geokalman.grace.simulate import Truth
 from geokalman.physics.harmonics import cell_centred_grid, degree_variance, load_field
 
 
@@ -79,18 +79,18 @@ def test_difference_of_two_pairs(tiny):
         2e-3 * tiny.orbit.dr[100] / np.linalg.norm(tiny.orbit.dr[100])
     )  # along the line of sight: no change of e
     A[50, 3:] += 3e-4 * tiny.orbit.dr[50] / np.linalg.norm(tiny.orbit.dr[50])
-    rate, position = assess.pair_difference(OrbitPair(tiny.orbit.t, A, tiny.orbit.B), tiny.orbit)
+    rate, position = assess.pair_difference(Truth(tiny.orbit.t, A, tiny.orbit.B), tiny.orbit)
     assert position == pytest.approx(2e-3, rel=1e-5)
     assert rate == pytest.approx(3e-4, rel=1e-6)
 
 
-def uniform(revolutions: int, drift: float = 0.0) -> OrbitPair:
+def uniform(revolutions: int, drift: float = 0.0) -> Truth:
     """Circular polar orbits of 100 epochs a revolution of 6000 s, `drift` metres further apart after each."""
     t = 60.0 * np.arange(100 * revolutions + 1)
     u = 2 * np.pi * t / 6000.0 - 0.001
     B = 6.8e6 * np.column_stack([np.cos(u), 0 * u, np.sin(u)])
     A = B + np.column_stack([0 * u, 2e5 + drift * t / 6000.0, 0 * u])
-    return OrbitPair(t, np.hstack([A, 0 * A]), np.hstack([B, 0 * B]))
+    return Truth(t, np.hstack([A, 0 * A]), np.hstack([B, 0 * B]))
 
 
 def test_drift_per_revolution():

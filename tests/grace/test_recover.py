@@ -12,7 +12,7 @@ from geokalman import memory, progress
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess, observables, recover
 from geokalman.grace.model import distance
-from geokalman.grace.simulate import OrbitPair
+from geokalman.grace.simulate import Truth
 from geokalman.leastsquares import SingularNormalMatrix
 from geokalman.physics.frames import enu_from_ecef, spherical, to_ecef
 from geokalman.physics.gravity import acceleration
@@ -243,7 +243,7 @@ def test_unknowns_that_no_equation_sees_are_named(day):
     A, B = (
         np.column_stack([6.8e6 * np.cos(a), 0 * a, 6.8e6 * np.sin(a), np.zeros((80, 3))]) for a in (angle + 0.03, angle)
     )
-    polar = OrbitPair(np.zeros(80), A, B)
+    polar = Truth(np.zeros(80), A, B)
     with pytest.raises(
         SingularNormalMatrix, match=r"No observation depends on 9 of 21 unknowns: S\[2,1\], S\[2,2\], S\[3,1\]"
     ):

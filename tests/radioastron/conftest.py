@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from geokalman.radioastron import simulate
-from geokalman.radioastron.data import Levels
+from geokalman.radioastron.data import Scenario
 from geokalman.radioastron.model import find_session, nominal_state, world
 
 
@@ -29,4 +29,4 @@ def state(st):
 @pytest.fixture(scope="session")
 def drawn(st):
     """Truth and data of seed 1000."""
-    return simulate.draw(*st, Levels(), (st[0].station,), np.random.default_rng(1000))
+    return simulate.draw(*st, Scenario(), (st[0].station,), np.random.default_rng(1000))

@@ -6,7 +6,7 @@ import pytest
 from geokalman import memory
 from geokalman.radioastron import assess, experiment
 from geokalman.radioastron.correlator import (
-    Raw,
+    RawSamples,
     Setup,
     coherence,
     find,
@@ -91,7 +91,7 @@ def test_noise_alone_peaks_where_an_exponential_does():
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(("delay", "rate"), [(3.2e-6, 0.30), (1.1e-6, 0.03)])
 def test_raw_samples(delay, rate, seed):
-    raw = Raw()
+    raw = RawSamples()
     peak = raw_check(raw, delay, rate, np.random.default_rng(seed))
     assert peak.delay == pytest.approx(delay, abs=0.07e-6) and peak.rate == pytest.approx(rate, abs=0.04)
     assert peak.amplitude == pytest.approx(raw.rho * (1 - delay * raw.bandwidth / raw.n_channels), rel=0.08)
@@ -125,7 +125,7 @@ def test_a_lost_peak_is_the_peak_of_the_noise():
     (lambda: Setup(duration=float("nan")), "duration = nan"),
     (lambda: Setup(period=700.0), "longer than the scan"),
     (lambda: visibilities(SMALL, np.full(60, 1e-3), np.zeros(60)), "outside the lag window"),
-    (lambda: raw_check(Raw(), 40e-6, 0.0, np.random.default_rng(1)), "longer than a segment"),
+    (lambda: raw_check(RawSamples(), 40e-6, 0.0, np.random.default_rng(1)), "longer than a segment"),
 ])  # fmt: skip
 def test_what_is_refused(make, words):
     with pytest.raises(ValueError, match=words):

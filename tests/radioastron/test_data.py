@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geokalman.radioastron import estimate
-from geokalman.radioastron.data import Levels, Weights, check_prior
+from geokalman.radioastron.data import Scenario, Tuning, check_prior
 
 
 def changed(data, **arrays):
@@ -77,10 +77,10 @@ def test_an_outlier_does_not_look_like_another_link(drawn):
 )
 def test_sigmas_must_be_positive(kwargs):
     with pytest.raises(ValueError, match="must be a positive finite sigma"):
-        Levels(**kwargs)
-    if next(iter(kwargs)) in Weights.__dataclass_fields__:
+        Scenario(**kwargs)
+    if next(iter(kwargs)) in Tuning.__dataclass_fields__:
         with pytest.raises(ValueError, match="must be a positive finite sigma"):
-            Weights(**kwargs)
+            Tuning(**kwargs)
 
 
 @pytest.mark.parametrize(
@@ -88,8 +88,8 @@ def test_sigmas_must_be_positive(kwargs):
 )
 def test_unmodelled_forces_may_be_absent_but_not_negative(kwargs):
     with pytest.raises(ValueError, match="is the size of an unmodelled force"):
-        Levels(**kwargs)
-    assert Levels(pressure_error=0.0, acceleration=0.0, impulse=0.0).impulse == 0.0
+        Scenario(**kwargs)
+    assert Scenario(pressure_error=0.0, acceleration=0.0, impulse=0.0).impulse == 0.0
 
 
 def test_data_know_their_day(drawn, st):
@@ -111,7 +111,7 @@ def test_a_link_through_the_ground_is_refused_by_every_estimator(drawn, st, meth
 
 def test_unknown_bias():
     with pytest.raises(ValueError, match="bias = 'daily' is unknown"):
-        Levels(bias="daily")
+        Scenario(bias="daily")
 
 
 def test_weights_default_to_the_noise():
@@ -122,8 +122,8 @@ def test_weights_default_to_the_noise():
         "filter_sigma_rate_m_s": 5e-3,
         "estimate_bias": True,
     }
-    assert Weights.from_parameters(p) == Weights(7.0, 5e-3, True)
-    assert Levels.from_parameters({"prior_pos_m": 3.0, "bias": "none"}) == Levels(prior_position=3.0, bias="none")
+    assert Tuning.from_parameters(p) == Tuning(7.0, 5e-3, True)
+    assert Scenario.from_parameters({"prior_pos_m": 3.0, "bias": "none"}) == Scenario(prior_position=3.0, bias="none")
 
 
 def test_a_correlated_prior_is_a_prior(drawn):
@@ -172,4 +172,4 @@ def test_data_carry_numbers_and_no_nulls(drawn, make, words):
 
 def test_levels_are_numbers():
     with pytest.raises(ValueError, match="sigma_range holds text"):
-        Levels(sigma_range="10")
+        Scenario(sigma_range="10")

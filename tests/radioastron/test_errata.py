@@ -13,7 +13,7 @@ from geokalman.kalman.linear import predict, update
 from geokalman.physics.satellite import ForceModel
 from geokalman.radioastron import assess, estimate, experiment, oneway, twoway
 from geokalman.radioastron.correlator import Setup, scan_snr, within_window
-from geokalman.radioastron.data import INFLATED, Levels
+from geokalman.radioastron.data import INFLATED, Scenario
 from geokalman.radioastron.model import BANDS, SOURCES, STATIONS, direction, find_session, nominal_state, world
 
 ROOT = project_root()
@@ -24,7 +24,7 @@ CORRECTION = np.array([2.75e3, -2.25e3, -1.3e3])  # middles of the ranges of Fig
 @pytest.fixture(scope="module")
 def before_and_after():
     """Large samples of sessions ST and BC: (before, after)."""
-    return {name: experiment.large_sample(find_session(name), Levels(), INFLATED) for name in ("ST", "BC")}
+    return {name: experiment.large_sample(find_session(name), Scenario(), INFLATED) for name in ("ST", "BC")}
 
 
 def untested(page: str, names: list[str]) -> list[str]:

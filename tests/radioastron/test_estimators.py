@@ -14,16 +14,16 @@ from geokalman.kalman.model import Model, Sensor
 from geokalman.kalman.run import run
 from geokalman.physics.satellite import ForceModel, dynamics
 from geokalman.radioastron import assess, estimate, experiment, formal, simulate
-from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Weights
+from geokalman.radioastron.data import INFLATED, NAIVE, Scenario, Tuning
 from geokalman.radioastron.model import find_session, find_source, world
 
 compiled = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="many hours of orbit take minutes in plain Python")
-BIASED = Weights(10.0, 1e-3, True)
+BIASED = Tuning(10.0, 1e-3, True)
 
 
 def small_draw(st, seed=5):
     """A draw with a small a-priori error, where all estimators are linear, and no unmodelled force."""
-    levels = Levels(
+    levels = Scenario(
         prior_position=20.0, prior_velocity=5e-4, bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0
     )
     return simulate.draw(*st, levels, (st[0].station,), np.random.default_rng(seed))
@@ -63,7 +63,7 @@ def test_estimate_is_within_its_covariance_where_the_model_is_right(st):
     """
     values = []
     for seed in range(40):
-        levels = Levels(bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0)
+        levels = Scenario(bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0)
         truth, data = simulate.draw(*st, levels, (st[0].station,), np.random.default_rng(seed))
         orbit = estimate.batch(data, st[1], NAIVE)
         values.append(assess.errors(orbit, truth, st[1], np.array([orbit.t]), find_source("", st[0])).nees[0])
@@ -103,7 +103,7 @@ def test_missing_data_are_left_out(st, drawn):
     """All range-rates missing is the estimate from ranges; a missing epoch is one that was not there."""
     data = drawn[1]
     no_rates = estimate.extended(dataclasses.replace(data, rate=np.full(170, np.nan)), st[1]).orbit
-    deaf = estimate.extended(data, st[1], Weights(50.0, 1e6)).orbit
+    deaf = estimate.extended(data, st[1], Tuning(50.0, 1e6)).orbit
     np.testing.assert_allclose(no_rates.mean, deaf.mean, rtol=1e-9)
     hole = np.where(np.arange(170) == 60, np.nan, 1.0)
     with_hole = estimate.extended(
@@ -133,7 +133,7 @@ def test_good_data_pass_the_gate(st):
     """A gate at 5 sigmas *before* the first pass would throw nearly all of them away."""
     dropped = 0
     for seed in range(5):
-        _, data = simulate.draw(*st, Levels(bias="common"), (st[0].station,), np.random.default_rng(seed))
+        _, data = simulate.draw(*st, Scenario(bias="common"), (st[0].station,), np.random.default_rng(seed))
         dropped += estimate.without_outliers(data, st[1])[1].sum()
         before = np.abs(estimate.residuals(data, st[1], estimate.prior_orbit(data))[:, 0]) / 10.0
         assert np.median(before) > 5.0
@@ -159,7 +159,7 @@ def test_errors(st, drawn):
     with pytest.raises(ValueError, match="transition 'euler' is unknown"):
         estimate.extended(drawn[1], st[1], transition="euler")
     with pytest.raises(ValueError, match="method 'magic' is unknown"):
-        experiment.run_estimator(experiment.Estimator("magic"), drawn[1], st[1])
+        experiment.run_estimator(experiment.Method("magic"), drawn[1], st[1])
     with pytest.raises(ValueError, match="outside the tables"):
         estimate.extended(drawn[1], dynamics(st[0].day, 0.0, 1000.0), INFLATED)
     broken = dataclasses.replace(drawn[1])
@@ -179,7 +179,7 @@ def test_the_truth_knows_its_impulse(st, drawn):
     before, after = truth.states(np.array([t - 1e-3, t]))
     np.testing.assert_allclose(after[3:] - before[3:], truth.impulse, rtol=0, atol=1e-4)
     assert np.linalg.norm(truth.impulse) == pytest.approx(5e-3)
-    again, data = simulate.draw(*st, Levels(), (st[0].station,), np.random.default_rng(1000))
+    again, data = simulate.draw(*st, Scenario(), (st[0].station,), np.random.default_rng(1000))
     np.testing.assert_array_equal(again.states(np.array([t])), truth.states(np.array([t])))
     np.testing.assert_array_equal(data.range, drawn[1].range)
 
@@ -187,7 +187,7 @@ def test_the_truth_knows_its_impulse(st, drawn):
 @pytest.mark.parametrize("kind", ["none", "common", "per-pass"])
 def test_biases_are_those_that_were_asked_for(st, kind):
     """Against the same draw of noise: residuals of both passes, averaged over 85 epochs (1 m)."""
-    levels = Levels(bias=kind, bias_range=1000.0, bias_rate=1e-6, pressure_error=0.0, acceleration=0.0, impulse=0.0)
+    levels = Scenario(bias=kind, bias_range=1000.0, bias_rate=1e-6, pressure_error=0.0, acceleration=0.0, impulse=0.0)
     truth, data = simulate.draw(*st, levels, (st[0].station,), np.random.default_rng(3))
     z = simulate.observe(truth.world, data.t, truth.states(data.t), data.station, data.stations)
     mean = [np.mean((data.range - z[:, 0])[data.arc == k]) for k in (0, 1)]
@@ -204,9 +204,9 @@ def test_monte_carlo_is_centred_on_the_large_sample(name, n_seeds):
     standard errors of the smaller sample.
     """
     session = find_session(name)
-    runs = experiment.standard(session, Levels(), 1000, n_seeds)
+    runs = experiment.standard(session, Scenario(), 1000, n_seeds)
     for how, weights in (("ekf", INFLATED), ("naive", NAIVE)):
-        prior, post = experiment.large_sample(session, Levels(), weights)
+        prior, post = experiment.large_sample(session, Scenario(), weights)
         for ours, many in ((runs["prior"], prior), (runs[how], post)):
             for kind in ("delay", "rate"):
                 values = getattr(ours, kind)
@@ -233,7 +233,7 @@ def test_monte_carlo_is_centred_on_the_large_sample(name, n_seeds):
 def test_large_sample_values(name, weights, bias, stations, delay, rate, shares):
     """Section 4.3: 4000 draws of ours against 4000 of another implementation. Standard error of an rms 1.1 %, of the
     difference 1.6 %: 5 % is three of them; of a share 0.8 %, of the difference 1.1 %."""
-    prior, post = experiment.large_sample(find_session(name), Levels(bias=bias), weights, stations)
+    prior, post = experiment.large_sample(find_session(name), Scenario(bias=bias), weights, stations)
     for ours, theirs in (
         (prior.delay, delay[0] * 1e-6),
         (post.delay, delay[1] * 1e-6),
@@ -253,7 +253,7 @@ def test_single_step_and_bias_per_pass():
     """
     names = ("prior", "ekf", "naive", "single", "ukf", "batch-bias", "substeps")
     runs = experiment.standard(
-        find_session("ST"), Levels(bias="per-pass"), 1000, 12, (), "", {n: experiment.ALL[n] for n in names}
+        find_session("ST"), Scenario(bias="per-pass"), 1000, 12, (), "", {n: experiment.ALL[n] for n in names}
     )
     rms = {n: assess.rms(r.delay) for n, r in runs.items()}
     assert rms["naive"] > 1.2 * rms["prior"] and rms["ekf"] < 0.45 * rms["prior"]
@@ -268,7 +268,7 @@ def test_single_step_and_bias_per_pass():
 def test_correction_history_is_the_identity_of_figure_5():
     session = find_session("BC")
     times = np.array([16.5, 17.0]) * 3600.0
-    difference, radius = experiment.correction_history(session, Levels(), experiment.Estimator("ekf"), 1000, 2, times)
+    difference, radius = experiment.correction_history(session, Scenario(), experiment.Method("ekf"), 1000, 2, times)
     source = find_source("", session)
     ra, dec = np.arctan2(source[1], source[0]), np.arcsin(source[2])
     assert np.abs(assess.delay_of(difference, ra, dec) - difference @ source / 299792458.0).max() < 1e-12
@@ -280,7 +280,9 @@ def test_correction_history_is_the_identity_of_figure_5():
 
 def test_corrections_are_asked_for_after_tracking():
     with pytest.raises(ValueError, match="before the end of tracking"):
-        experiment.correction_history(find_session("BC"), Levels(), experiment.Estimator("ekf"), 1, 1, np.array([36000.0]))
+        experiment.correction_history(
+            find_session("BC"), Scenario(), experiment.Method("ekf"), 1, 1, np.array([36000.0])
+        )
 
 
 def test_rarity_is_that_of_chi_square():
@@ -291,7 +293,7 @@ def test_rarity_is_that_of_chi_square():
 
 
 def test_columns_of_the_scans(st):
-    few = {n: r for n, r in experiment.standard(st[0], Levels(), 1000, 4).items() if n != "naive"}
+    few = {n: r for n, r in experiment.standard(st[0], Scenario(), 1000, 4).items() if n != "naive"}
     columns = assess.scan_columns(few)
     np.testing.assert_array_equal(columns["scan"], [1.0, 2.0, 3.0, 4.0])
     np.testing.assert_allclose(columns["ekf_rate_median"], np.median(np.abs(few["ekf"].scan_rate), axis=0))
@@ -302,8 +304,8 @@ def test_columns_of_the_scans(st):
 def test_prior_scale(st):
     """A filter told the right P(0) is the filter; one told a hundred kilometres is worse in rate."""
     ekf = {"ekf": experiment.STANDARD["ekf"]}
-    right, wrong = (experiment.standard(st[0], Levels(), 1000, 6, (), "", ekf, scale)["ekf"] for scale in (1.0, 50.0))
-    np.testing.assert_allclose(right.delay, experiment.standard(st[0], Levels(), 1000, 6)["ekf"].delay, rtol=1e-12)
+    right, wrong = (experiment.standard(st[0], Scenario(), 1000, 6, (), "", ekf, scale)["ekf"] for scale in (1.0, 50.0))
+    np.testing.assert_allclose(right.delay, experiment.standard(st[0], Scenario(), 1000, 6)["ekf"].delay, rtol=1e-12)
     assert assess.rms(wrong.rate) > 3.0 * assess.rms(right.rate)
 
 
@@ -325,7 +327,7 @@ def test_forces_that_the_filter_lacks_move_the_orbit_by_metres(st, state):
 
 def test_formal_sigmas_do_not_need_a_monte_carlo(st):
     """The consider covariance against the spread of large-sample errors without unmodelled forces: 3 %."""
-    levels = Levels(bias="per-pass", pressure_error=1e-12, acceleration=0.0, impulse=0.0)
+    levels = Scenario(bias="per-pass", pressure_error=1e-12, acceleration=0.0, impulse=0.0)
     g = formal.linearise(st[0], st[1], (st[0].station,))
     sample = formal.large_sample(g, levels, NAIVE, np.random.default_rng(2))
     source = find_source("", st[0])

@@ -32,9 +32,7 @@ def dressed(figure: Figure, theme: dict[str, str], *units: str) -> None:
 def test_orbit_view(theme):
     u = np.linspace(0, 2 * np.pi, 200)
     orbit = 1e8 * np.column_stack([np.cos(u) - 0.5, 0.8 * np.sin(u), 0.1 * np.sin(u)])
-    figure = figures.orbit_view(
-        orbit, {"tracking": orbit[5:9], "observation": orbit[12:15]}, np.array([0.0, 0.6, 0.8])
-    )
+    figure = figures.orbit_view(orbit, {"tracking": orbit[5:9], "observation": orbit[12:15]}, np.array([0.0, 0.6, 0.8]))
     dressed(figure, theme, "[1000 km]")
     x, y = line(figure.axes[0], "tracking").get_data()
     np.testing.assert_allclose(np.hypot(x, y), np.linalg.norm(orbit[5:9], axis=1) / 1e6)

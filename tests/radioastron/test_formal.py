@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from geokalman.radioastron import formal
-from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Weights
+from geokalman.radioastron.data import INFLATED, NAIVE, Scenario, Tuning
 from geokalman.radioastron.model import STATIONS, find_session, find_source, toward, world
 
-BIASED = Weights(10.0, 1e-3, True)
+BIASED = Tuning(10.0, 1e-3, True)
 TWO = ("Bear Lakes", "Ussuriysk")
 FREE = {"bias": "none"}
 SIGMAS = [  # session, stations, changes of the levels, weights, delay [us], rate [s/s], position [m] or None
@@ -37,9 +37,9 @@ CONSIDER = [  # session, weights, own, common, per pass: (delay, rate, position)
 
 @pytest.mark.parametrize(("name", "stations", "changes", "weights", "delay", "rate", "position"), SIGMAS)
 def test_formal_sigmas(name, stations, changes, weights, delay, rate, position):
-    levels = Levels(**FREE | changes)
+    levels = Scenario(**FREE | changes)
     own = formal.evaluate(
-        find_session(name), levels, weights or Weights(levels.sigma_range, levels.sigma_rate), stations
+        find_session(name), levels, weights or Tuning(levels.sigma_range, levels.sigma_rate), stations
     ).own
     assert 1e6 * own.delay == pytest.approx(delay, rel=0.03)
     # abs: half a unit of the last of the two digits printed for all eight stations without bias (1.1e-12), 4.5 % of it;
@@ -54,14 +54,14 @@ def test_formal_sigmas(name, stations, changes, weights, delay, rate, position):
     [("ST", 7.661, 1.978e-10), ("OE", 12.749, 2.928e-10), ("BB", 7.377, 1.755e-10), ("BC", 8.934, 1.897e-10)],
 )
 def test_prior_sigmas(name, delay, rate):
-    prior = formal.evaluate(find_session(name), Levels(**FREE), NAIVE).prior
+    prior = formal.evaluate(find_session(name), Scenario(**FREE), NAIVE).prior
     assert (1e6 * prior.delay, prior.rate) == (pytest.approx(delay, rel=5e-3), pytest.approx(rate, rel=5e-3))
 
 
 @pytest.mark.parametrize(("name", "weights", "own", "common", "per_pass"), CONSIDER)
 def test_consider_covariance(name, weights, own, common, per_pass):
     for kind, wanted in (("none", own), ("common", common), ("per-pass", per_pass)):
-        result = formal.evaluate(find_session(name), Levels(bias=kind), weights)
+        result = formal.evaluate(find_session(name), Scenario(bias=kind), weights)
         ours = result.own if kind == "none" else result.consider
         assert (1e6 * ours.delay, ours.rate, ours.position) == tuple(pytest.approx(x, rel=0.03) for x in wanted), kind
 
@@ -71,7 +71,7 @@ def test_consider_covariance(name, weights, own, common, per_pass):
 )
 def test_the_place_on_the_orbit_matters_little(anomaly, distance, delay):
     session = find_session("ST", anomaly)
-    sigmas = formal.evaluate(session, Levels(**FREE), NAIVE, source="east 15").own
+    sigmas = formal.evaluate(session, Scenario(**FREE), NAIVE, source="east 15").own
     assert 1e6 * sigmas.delay == pytest.approx(delay, rel=0.03) and 4.6e-11 < sigmas.rate < 8.9e-11
     assert np.linalg.norm(formal.linearise(session, world(session), ("Bear Lakes",)).start[:3]) / 1e6 == pytest.approx(
         distance, abs=1
@@ -86,7 +86,7 @@ def test_the_azimuth_of_the_source_acts():
     for anomaly in (20.0, 32.0, 90.0, 180.0):
         session = find_session("ST", anomaly)
         g = formal.linearise(session, world(session), ("Bear Lakes",))
-        own = formal.solve(g, Levels(**FREE), NAIVE).own
+        own = formal.solve(g, Scenario(**FREE), NAIVE).own
         up, east, north = formal.local_axes(g.middle)
         for azimuth in range(0, 360, 15):  # from east over north
             aside = np.cos(np.radians(azimuth)) * east + np.sin(np.radians(azimuth)) * north
@@ -108,7 +108,7 @@ def test_axes_of_the_position():
     for name, wanted in (("ST", (0.8, 1286, 1796)), ("BC", (0.8, 1594, 1954))):
         session = find_session(name)
         g = formal.linearise(session, world(session), (session.station,))
-        axes, directions = formal.ellipsoid(formal.solve(g, Levels(**FREE), NAIVE).own)
+        axes, directions = formal.ellipsoid(formal.solve(g, Scenario(**FREE), NAIVE).own)
         np.testing.assert_allclose(axes, wanted, rtol=0.03)
         assert abs(directions[:, 0] @ g.start[:3]) / np.linalg.norm(g.start[:3]) > 0.99
 
@@ -116,7 +116,7 @@ def test_axes_of_the_position():
 def test_an_honest_estimator_considers_what_it_believes(st):
     """Right weights and no bias: the consider covariance is the filter's own."""
     g = formal.linearise(*st, ("Bear Lakes",))
-    solution = formal.solve(g, Levels(**FREE), NAIVE)
+    solution = formal.solve(g, Scenario(**FREE), NAIVE)
     sigma = np.sqrt(np.diag(solution.own))
     np.testing.assert_allclose(
         solution.consider / np.outer(sigma, sigma), solution.own / np.outer(sigma, sigma), atol=1e-6

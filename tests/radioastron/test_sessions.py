@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from geokalman.radioastron import formal, simulate, visibility
-from geokalman.radioastron.data import Levels
+from geokalman.radioastron.data import Scenario
 from geokalman.radioastron.model import (
     EARTH_DIAMETER,
     SESSIONS,
@@ -133,4 +133,4 @@ def test_a_spacecraft_below_the_horizon_is_refused(st, state):
     with pytest.raises(ValueError, match="choose another station, pass or mean anomaly"):
         formal.linearise(beneath, world(beneath), ("Bear Lakes",))
     with pytest.raises(ValueError, match="choose another station, pass or mean anomaly"):
-        simulate.draw(beneath, world(beneath), Levels(), ("Bear Lakes",), np.random.default_rng(1))
+        simulate.draw(beneath, world(beneath), Scenario(), ("Bear Lakes",), np.random.default_rng(1))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geokalman.airborne.estimate import Course, run_filter
+from geokalman.airborne.estimate import States, run_filter
 from geokalman.airborne.model import Array, Line, Tuning, build
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import root_semidefinite
@@ -34,7 +34,7 @@ class BackwardStart:
     cov: Array
 
 
-def forward_backward(line: Line, tuning: Tuning, start: str) -> Course:
+def forward_backward(line: Line, tuning: Tuning, start: str) -> States:
     """Forward estimate and backward one-step prediction combined by (6), the backward filter started as `start` says.
 
     (4) correct by z_k, (5) x_b(k-1) = Phi^-1 x_b(k), P_b(k-1) = Phi^-1 (P_b(k) + Q) Phi^-T,
@@ -58,7 +58,7 @@ def forward_backward(line: Line, tuning: Tuning, start: str) -> Course:
             back = np.linalg.solve(model.Phi[k - 1], np.eye(n))
             predict_step(x, P, back, back @ model.Q @ back.T, x_next, P_next)
             x[:], P[:] = x_next, P_next
-    return Course(model.names, model.scale, line.t, mean, cov)
+    return States(model.names, model.scale, line.t, mean, cov)
 
 
 def combine(x: Array, P: Array, x_b: Array, P_b: Array, epoch: int = 0) -> tuple[Array, Array]:

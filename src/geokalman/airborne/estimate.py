@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from geokalman import kalman
-from geokalman.airborne.model import SHORTEST, Array, Line, Model, Tuning, build
+from geokalman.airborne.model import SHORTEST, Array, Line, ScaledModel, Tuning, build
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.information import smooth_two_filter
 from geokalman.kalman.smoothing import smooth
@@ -20,7 +20,7 @@ Smoother = Literal["rts", "two-filter"]
 
 
 @dataclass(frozen=True)
-class Course:
+class States:
     """States along a line with their covariances, in scaled units; `names` and `scale` say which and how.
 
     t : (n,) [s]; mean : (n, m); cov : (n, m, m).
@@ -58,12 +58,12 @@ class Estimate:
     """What the filters give for one line: forward, smoothed, and the whitened innovations (n,)."""
 
     line: str
-    forward: Course
-    smoothed: Course
+    forward: States
+    smoothed: States
     innovations: Array
 
 
-def run_filter(line: Line, model: Model) -> Trajectory:
+def run_filter(line: Line, model: ScaledModel) -> Trajectory:
     """The standard Kalman filter forward over a line, equations (1) to (3). Raises NotPositiveDefinite with the
     epoch.
     """
@@ -71,7 +71,7 @@ def run_filter(line: Line, model: Model) -> Trajectory:
     return kalman.run(model.prior, line.t, motion, [sensor])
 
 
-def run_smoother(line: Line, model: Model, course: Trajectory, smoother: Smoother) -> Smoothed:
+def run_smoother(line: Line, model: ScaledModel, course: Trajectory, smoother: Smoother) -> Smoothed:
     """Both directions: `two-filter` is (4) to (6) in information form, `rts` gives the same numbers with less work."""
     if smoother == "rts":
         return smooth(course)
@@ -87,8 +87,8 @@ def estimate(line: Line, tuning: Tuning, smoother: Smoother = "rts") -> Estimate
     both = run_smoother(line, model, course, smoother)
     return Estimate(
         line.name,
-        Course(model.names, model.scale, course.t, course.mean, course.cov),
-        Course(model.names, model.scale, both.t, both.mean, both.cov),
+        States(model.names, model.scale, course.t, course.mean, course.cov),
+        States(model.names, model.scale, both.t, both.mean, both.cov),
         course.whitened[:, 0],
     )
 

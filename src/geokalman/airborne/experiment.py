@@ -17,7 +17,7 @@ from geokalman import progress
 from geokalman.airborne import assess, classical, level, simulate, tune
 from geokalman.airborne.estimate import Estimate, Smoother, estimate, run_filter, run_smoother
 from geokalman.airborne.model import Array, Tuning, build
-from geokalman.airborne.read import Flight
+from geokalman.airborne.read import SurveyLine
 from geokalman.kalman.consistency import monte_carlo
 
 HAND_TUNED = tuple(str(100100 + 600 * j) for j in range(19)), ("102600", "104200", "106100", "107200", "109800")
@@ -102,7 +102,7 @@ def six_line_means(runs: Sequence[Sequence[Outcome]], method: str, what: str = "
 class Judged:
     """Real lines and their estimates, with the trimmed epochs on which they are judged."""
 
-    flights: tuple[Flight, ...]
+    flights: tuple[SurveyLine, ...]
     estimates: tuple[Estimate, ...]
     keep: tuple[slice, ...]
 
@@ -129,12 +129,12 @@ class Judged:
         return [(ours - theirs)[keep] for ours, theirs, keep in pairs]
 
 
-def numbered(flights: Sequence[Flight], first: float, last: float, epochs: int = 800) -> list[Flight]:
+def numbered(flights: Sequence[SurveyLine], first: float, last: float, epochs: int = 800) -> list[SurveyLine]:
     """Flights with numbers from `first` to `last` that have at least so many epochs."""
     return [f for f in flights if first <= f.number <= last and len(f.line.t) >= epochs]
 
 
-def sample(flights: Sequence[Flight], what: str, ends: Sequence[float], epochs: int = 800) -> list[Flight]:
+def sample(flights: Sequence[SurveyLine], what: str, ends: Sequence[float], epochs: int = 800) -> list[SurveyLine]:
     """Flights between two line numbers, as a parameter `what` gives them. Raises ValueError where it gives none."""
     if len(ends) != 2:
         raise ValueError(f"{what} = {list(ends)}: two numbers are wanted, the first and the last line.")
@@ -146,13 +146,13 @@ def sample(flights: Sequence[Flight], what: str, ends: Sequence[float], epochs: 
     return found
 
 
-def unseen(flights: Sequence[Flight]) -> Array:
+def unseen(flights: Sequence[SurveyLine]) -> Array:
     """Which of the flights no hand tuning of the preset `kauring` has seen (n,)."""
     return np.array([f.whole not in HAND_TUNED[0] + HAND_TUNED[1] for f in flights], dtype=bool)
 
 
 def scatter(
-    flights: Sequence[Flight], values: Mapping[str, Array] | str, trim_s: float = 60.0, reference: str = "ground"
+    flights: Sequence[SurveyLine], values: Mapping[str, Array] | str, trim_s: float = 60.0, reference: str = "ground"
 ) -> Array:
     """Standard deviation of values minus reference about its mean, a flight at a time (n,) [mGal]; NaN for no overlap.
 
@@ -166,7 +166,7 @@ def scatter(
 
 
 def real(
-    flights: Sequence[Flight],
+    flights: Sequence[SurveyLine],
     tuning: Tuning,
     lag: float = 0.0,
     trim_s: float = 60.0,

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from geokalman import memory, progress
 from geokalman.airborne.estimate import innovation_log_likelihood
 from geokalman.airborne.model import Array, Tuning, build
-from geokalman.airborne.read import Flight
+from geokalman.airborne.read import SurveyLine
 from geokalman.kalman.whitening import whiten_columns
 from geokalman.leastsquares import NormalEquations, Solution
 
@@ -146,7 +146,7 @@ class JointField:
 
 
 def line_rows(
-    flight: Flight, tuning: Tuning, waves: Waves, origin: tuple[float, float], lag: float, knots_s: float
+    flight: SurveyLine, tuning: Tuning, waves: Waves, origin: tuple[float, float], lag: float, knots_s: float
 ) -> LineRows:
     """Observation equations of one line: whitened by the filter without gravity, then reduced by a QR factorisation."""
     line = flight.line.lagged(lag)
@@ -168,7 +168,7 @@ def line_rows(
 
 
 def joint_field(
-    flights: Sequence[Flight],
+    flights: Sequence[SurveyLine],
     tuning: Tuning | None = None,
     waves: Waves | None = None,
     lag: float = 0.0155,
@@ -194,7 +194,9 @@ def joint_field(
     origin = tuple(0.5 * (first + last) - waves.box / 2 for first, last in ends)
     rows = sum(len(_knots(flight.line.t, knots_s)) for flight in flights)
     memory.require(
-        f"A field of {waves.count} unknowns", 16.0 * waves.count * (waves.count + rows), "take a lower n_max or fewer lines"
+        f"A field of {waves.count} unknowns",
+        16.0 * waves.count * (waves.count + rows),
+        "take a lower n_max or fewer lines",
     )
     parts = [line_rows(flight, tuning, waves, origin, lag, knots_s) for flight in flights]
     weights = np.ones(len(parts))
@@ -219,7 +221,11 @@ class Compared(NamedTuple):
 
 
 def compare(
-    flights: Sequence[Flight], tuning: Tuning, waves: Waves, lag: float, changes: Sequence[Sequence[tuple[str, float]]]
+    flights: Sequence[SurveyLine],
+    tuning: Tuning,
+    waves: Waves,
+    lag: float,
+    changes: Sequence[Sequence[tuple[str, float]]],
 ) -> list[Compared]:
     """The same lines under changed settings, each a list of (name, value): fields of Tuning or Waves, or `lag` [s^2].
 

@@ -139,7 +139,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Model:
+class ScaledModel:
     """A linear model for the core's filters in scaled states: state = scale * x.
 
     names : of the states it has; scale : (m,) initial standard deviations [mGal, s]; prior : of x at the first epoch;
@@ -221,7 +221,7 @@ def block(dt: float, beta: float, sigma: float, q_f: float) -> tuple[Array, Arra
     return van_loan(F, W, dt)
 
 
-def build(line: Line, tuning: Tuning) -> Model:
+def build(line: Line, tuning: Tuning) -> ScaledModel:
     """The model of a line, equations (10) to (15): states of zero prior variance are left out, the rest is scaled."""
     n, dt, beta = len(line.t), line.dt, tuning.beta(line.V)
     size = len(STATES)
@@ -249,7 +249,7 @@ def build(line: Line, tuning: Tuning) -> Model:
     scale = np.sqrt(P.diagonal()[kept])
     pick = np.ix_(kept, kept)
     outer = scale[:, None] * scale
-    return Model(
+    return ScaledModel(
         tuple(STATES[i] for i in kept), scale, Gaussian(np.zeros(len(kept)), P[pick] / outer),
         np.ascontiguousarray(Phi[(slice(None), *pick)] / scale[:, None] * scale), Q[pick] / outer, H[:, kept] * scale,
         np.array([[(tuning.R_m * METRE) ** 2]]),

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from geokalman.attitude import pointing
-from geokalman.attitude.estimate import Solution, Solved
+from geokalman.attitude.estimate import Estimate, Processed
 from geokalman.attitude.model import AXES, Array
 from geokalman.kalman.consistency import chi_square_bounds, nees
 from geokalman.physics.quaternion import difference
@@ -44,12 +44,12 @@ def by_axis(prefix: str, values: Array) -> dict[str, float]:
     return {f"{prefix}.{axis}": float(value) for axis, value in zip(AXES, values, strict=True)}
 
 
-def rate_difference(solution: Solution, result: Solved) -> Array:
+def rate_difference(solution: Estimate, result: Processed) -> Array:
     """Rates of a solution by central differences minus the mean gyro rates (n - 2, 3) [rad/s]."""
     return pointing.rates(solution.q, result.measured.dt) - result.rates[1:-1]
 
 
-def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> Array:
+def nees_of(solution: Estimate, reference: Array, bias: Array | None = None) -> Array:
     """NEES (n,) of the attitude, or with the true bias (n, 3) of both; NaN before the start."""
     e, cov = error(solution.q, reference), solution.cov
     if bias is not None:
@@ -61,7 +61,7 @@ def nees_of(solution: Solution, reference: Array, bias: Array | None = None) -> 
 
 
 def statistics(
-    result: Solved, truth: Array | None, bias: Array | None = None, smoothed: Array | None = None
+    result: Processed, truth: Array | None, bias: Array | None = None, smoothed: Array | None = None
 ) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
@@ -110,15 +110,15 @@ def antenna_statistics(
 
     estimates : filter -> satellite -> (n, 4); truth : satellite -> (n, 4), at 1 Hz; r (n, 3) [m].
     """
-    true = pointing.antenna_correction(truth["C"], truth["D"], r_C, r_D)
-    keep, rates_keep = inner(len(true)), inner(len(true) - 2)
+    correction = pointing.antenna_correction(truth["C"], truth["D"], r_C, r_D)
+    keep, rates_keep = inner(len(correction)), inner(len(correction) - 2)
     out = {
-        "aoc.mean": float(true[keep].mean()),
-        "aoc.std": float(true[keep].std()),
-        "aoc.rate_rms": float(rms(pointing.central_rate(true)[rates_keep])),
+        "aoc.mean": float(correction[keep].mean()),
+        "aoc.std": float(correction[keep].std()),
+        "aoc.rate_rms": float(rms(pointing.central_rate(correction)[rates_keep])),
     }
     for name, q in estimates.items():
-        apart = pointing.antenna_correction(q["C"], q["D"], r_C, r_D) - true
+        apart = pointing.antenna_correction(q["C"], q["D"], r_C, r_D) - correction
         out[f"kbr_rate_error.{name}"] = float(rms(pointing.central_rate(apart)[rates_keep]))
     return out
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import Array, Raw, Tuning, camera_information
+from geokalman.attitude.model import Array, Telemetry, Tuning, camera_information
 from geokalman.physics.quaternion import (
     continuous, difference, difference_point, exp, multiply, retract_point, spline,
 )  # fmt: skip
@@ -134,12 +134,12 @@ def at_seconds(combined: Combined, hz: int = 1) -> Combined:
     return Combined(seconds, continuous(out), cov, used)
 
 
-def in_satellite_axes(raw: Raw) -> Array:
+def in_satellite_axes(raw: Telemetry) -> Array:
     """Attitudes (3, n, 4) from each camera, SRF to ICRF."""
     return to_satellite(raw.q_camera, raw.q_qsa)
 
 
-def combination(raw: Raw, tuning: Tuning, use: Sequence[int] = (1, 2, 3), calibrate: bool = False) -> Combined:
+def combination(raw: Telemetry, tuning: Tuning, use: Sequence[int] = (1, 2, 3), calibrate: bool = False) -> Combined:
     """The cameras combined at their own epochs, after calibration of their relative mounting where asked for."""
     q = in_satellite_axes(raw)
     if calibrate:

@@ -8,7 +8,7 @@ import numpy as np
 
 from geokalman.attitude import pointing
 from geokalman.attitude.model import SATELLITES, SUN, Array
-from geokalman.attitude.truth import Flight
+from geokalman.attitude.truth import Recording
 from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import conjugate, exp, multiply, rotate
 
@@ -32,16 +32,18 @@ def nongravitational(r: Array, v: Array) -> Array:
     )
 
 
-def accelerometer(trip: Flight, satellite: str, q: Array, acc_bias: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Array:
+def accelerometer(
+    recording: Recording, satellite: str, q: Array, acc_bias: tuple[float, ...] = (0.0, 0.0, 0.0)
+) -> Array:
     """Accelerations (n, 3) [m/s^2] in the SRF plus a bias: from ACT1B for real data, else of the model at attitudes q.
 
     Raises ValueError for a bias without three components.
     """
     if len(acc_bias) != 3:
         raise ValueError(f"acc_bias = {list(acc_bias)} must have three components, along x, y and z of the satellite.")
-    if satellite in trip.accelerations:
-        return trip.accelerations[satellite] + np.array(acc_bias)
-    return rotate(conjugate(q), nongravitational(trip.r[satellite], trip.v[satellite])) + np.array(acc_bias)
+    if satellite in recording.accelerations:
+        return recording.accelerations[satellite] + np.array(acc_bias)
+    return rotate(conjugate(q), nongravitational(recording.r[satellite], recording.v[satellite])) + np.array(acc_bias)
 
 
 def turned(q: Array, pitch_offset_rad: float) -> Array:
@@ -49,18 +51,21 @@ def turned(q: Array, pitch_offset_rad: float) -> Array:
     return multiply(q, exp(np.array([0.0, pitch_offset_rad, 0.0])))
 
 
-def range_rate_difference(trip: Flight, one: Attitudes, other: Attitudes, true: Attitudes, step: int = 30) -> Array:
-    """Change of the range-rate (m,) [m/s] from attitudes `other` to `one`, every `step` seconds.
+def range_rate_difference(
+    recording: Recording, changed: Attitudes, nominal: Attitudes, truth: Attitudes, step: int = 30
+) -> Array:
+    """Change of the range-rate (m,) [m/s] from attitudes `nominal` to `changed`, every `step` seconds.
 
     Rate of the antenna correction's difference (mean over a step) plus the time integral of e . (da_D - da_C), 3.12.
     """
-    r_C, r_D = trip.r["C"], trip.r["D"]
+    r_C, r_D = recording.r["C"], recording.r["D"]
     e = (r_D - r_C) / np.linalg.norm(r_D - r_C, axis=1, keepdims=True)
-    antenna = pointing.antenna_correction(one["C"], one["D"], r_C, r_D) - pointing.antenna_correction(
-        other["C"], other["D"], r_C, r_D
+    antenna = pointing.antenna_correction(changed["C"], changed["D"], r_C, r_D) - pointing.antenna_correction(
+        nominal["C"], nominal["D"], r_C, r_D
     )
     change = {
-        s: pointing.acceleration_difference(one[s], other[s], accelerometer(trip, s, true[s])) for s in SATELLITES
+        s: pointing.acceleration_difference(changed[s], nominal[s], accelerometer(recording, s, truth[s]))
+        for s in SATELLITES
     }
     along = np.einsum("ki,ki->k", e, change["D"] - change["C"])
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (along[1:] + along[:-1]))])

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.attitude import cameras, gyro
-from geokalman.attitude.model import GYRO_HZ, Array, Raw, Tuning
+from geokalman.attitude.model import GYRO_HZ, Array, Telemetry, Tuning
 from geokalman.kalman import smoothing
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.gaussian import Gaussian, Trajectory
@@ -29,7 +29,7 @@ FILTERS = ("akf7", "mekf", "rts", "jpl_like")
 LOST_RATE = 5e-6  # rad/s: how far the rate may wander while the gyros are silent; the pointing rates are 2 to 4e-6
 
 
-class Measured(NamedTuple):
+class Observations(NamedTuple):
     """What a filter of one satellite sees, every dt [s].
 
     d : (n - 1, 3) gyro increments [rad], NaN where lost; z : (n, 4) combined quaternions, NaN where none; R : (n, 3, 3)
@@ -45,7 +45,7 @@ class Measured(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Solution:
+class Estimate:
     """Attitudes q (n, 4), covariances cov (n, 3, 3) [rad^2] of their errors in SRF axes, gyro biases (n, 3) [rad/s].
 
     full : (n, 6, 6) covariances of attitude and bias of the multiplicative filter, None for the paper's. nis : (n,)
@@ -67,7 +67,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Solved:
+class Processed:
     """What the chain made of one satellite at the epochs t (n,) [s] of the filter.
 
     combined : cameras at those epochs; increments : at 8 Hz; rates (n, 3) : mean gyro rates over +-0.5 s there (1 Hz
@@ -79,8 +79,8 @@ class Solved:
     combined: cameras.Combined
     increments: gyro.Increments
     rates: Array
-    measured: Measured
-    solutions: dict[str, Solution]
+    measured: Observations
+    solutions: dict[str, Estimate]
     edge: Array
 
     def flagged(self, name: str, limit_rad: float) -> Array:
@@ -89,9 +89,9 @@ class Solved:
 
 
 def solve(
-    raw: Raw, t: Array, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
+    raw: Telemetry, t: Array, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
     calibrate: bool = False, edge: Sequence[float] = (),
-) -> Solved:  # fmt: skip
+) -> Processed:  # fmt: skip
     """The whole chain for one satellite between the first and the last of the seconds t.
 
     filters : of akf7, akf7_iso, mekf, rts, jpl_like; use : cameras; calibrate : their relative mounting; edge : seconds
@@ -109,7 +109,7 @@ def solve(
             f"{len(combined.t)} camera epochs and {len(epochs)} gyro epochs at {hz} Hz do not belong together."
         )
     covs = tuning.rate_covariance(raw.satellite), tuning.bias_covariance(raw.satellite)
-    measured = Measured(1.0 / hz, steps.d, combined.q, combined.cov, *covs)
+    measured = Observations(1.0 / hz, steps.d, combined.q, combined.cov, *covs)
     at_8_hz, stride, found = measured._replace(d=main.d), GYRO_HZ // hz, {}
     if wanted & {"mekf", "rts"}:
         found["mekf"], found["rts"] = mekf(measured, tuning, tuning.apm_factor, smooth=True)
@@ -126,11 +126,11 @@ def solve(
     rates[mine] = mean_rates[theirs]
     solutions = {name: solution for name, solution in found.items() if name in wanted}
     at_edge = np.isin(np.floor(epochs + 1e-6), np.round(edge))
-    return Solved(epochs, combined, main, rates, measured, solutions, at_edge)
+    return Processed(epochs, combined, main, rates, measured, solutions, at_edge)
 
 
 def mekf(
-    data: Measured, tuning: Tuning, scale: float = 1.0, start: Array | None = None, smooth: bool = False,
+    data: Observations, tuning: Tuning, scale: float = 1.0, start: Array | None = None, smooth: bool = False,
     vector_part: bool = False,
 ):  # fmt: skip
     """Multiplicative filter on pre-integrated increments: q_true = q Exp(delta), error [delta; db], section 3.6.
@@ -151,7 +151,7 @@ def mekf(
     gate = tuning.gate or np.inf
     course = _run(data, first, start, P0, model, _camera, 3, float(vector_part), gate)
 
-    def solution(mean: Array, cov: Array) -> Solution:
+    def solution(mean: Array, cov: Array) -> Estimate:
         full = _padded(first, cov)
         return _solution(first, mean, full[:, :3, :3].copy(), course, gate, full)
 
@@ -163,9 +163,9 @@ def mekf(
 
 
 def akf7(
-    data: Measured, tuning: Tuning, scale: float = 1.0, stride: int = 1, isotropic: float = 0.0,
+    data: Observations, tuning: Tuning, scale: float = 1.0, stride: int = 1, isotropic: float = 0.0,
     start: Array | None = None,
-) -> Solution:  # fmt: skip
+) -> Estimate:  # fmt: skip
     """The paper's filter: seven states [q; b], transition (4), (5), (21), update (24) to (26), then q normalised.
 
     data.d holds `stride` increments, each of data.dt / stride seconds, per epoch of data.z (8 for 8 Hz prediction).
@@ -192,7 +192,7 @@ def akf7(
     return _solution(first, course.mean, _padded(first, cov), course)
 
 
-def _first(data: Measured) -> int:
+def _first(data: Observations) -> int:
     """The first epoch with a camera, at which the filters start."""
     seen = np.isfinite(data.z[:, 0])
     if not seen.any():
@@ -200,7 +200,7 @@ def _first(data: Measured) -> int:
     return int(np.argmax(seen))
 
 
-def _filled(data: Measured) -> tuple[Array, Array]:
+def _filled(data: Observations) -> tuple[Array, Array]:
     """Increments with the last sound one in the place of lost ones, and which were lost."""
     d = np.asarray(data.d, dtype=float)
     lost = np.isnan(d).any(axis=1)
@@ -212,7 +212,7 @@ def _filled(data: Measured) -> tuple[Array, Array]:
 
 
 def _run(
-    data: Measured, first: int, start: Array | None, P0: Array, model: Model, observe, m: int, param: float,
+    data: Observations, first: int, start: Array | None, P0: Array, model: Model, observe, m: int, param: float,
     gate: float = np.inf,
 ) -> Trajectory:  # fmt: skip
     """The core's filter from epoch `first` on; observe finds the quaternion and R (9 numbers) in its inputs."""
@@ -238,10 +238,10 @@ def _padded(first: int, values: Array) -> Array:
 
 def _solution(
     first: int, mean: Array, cov: Array, course: Trajectory, gate: float = np.inf, full: Array | None = None
-) -> Solution:
+) -> Estimate:
     nis = _padded(first, (course.whitened**2).sum(axis=1))
     q, bias = _padded(first, mean[:, :4]), _padded(first, mean[:, 4:])
-    return Solution(q, bias, cov, nis, nis > gate, full)
+    return Estimate(q, bias, cov, nis, nis > gate, full)
 
 
 @njit(RETRACT, cache=True)

@@ -15,10 +15,10 @@ from scipy.signal import detrend
 
 from geokalman import progress
 from geokalman.attitude import assess, cameras, effect, estimate, pointing, read
-from geokalman.attitude.estimate import FILTERS, Measured, Solution, Solved
+from geokalman.attitude.estimate import FILTERS, Observations, Estimate, Processed
 from geokalman.attitude.model import AXES, GYRO_HZ, SATELLITES, Array, Scenario, Tuning
 from geokalman.attitude.simulate import simulate
-from geokalman.attitude.truth import Flight
+from geokalman.attitude.truth import Recording
 from geokalman.physics.quaternion import difference, exp, multiply, spline
 
 Table = dict[str, tuple[float, float]]
@@ -44,70 +44,74 @@ def origin(data_dir: str) -> str:
     return f"From the files in {Path(data_dir).name}." if data_dir else "Simulated."
 
 
-def flight(scenario: Scenario, seed: int, data_dir: str = "", date: str = "") -> Flight:
+def flight(scenario: Scenario, seed: int, data_dir: str = "", date: str = "") -> Recording:
     """Run `seed` of the scenario, or the first day (or `date`) of real files in `data_dir`."""
     return read.flight(data_dir, date) if data_dir else simulate(scenario, seed)
 
 
-def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") -> Iterator[Flight]:
+def flights(scenario: Scenario, n_seeds: int, seed0: int, data_dir: str = "") -> Iterator[Recording]:
     """Flights of an ensemble one after the other; real files are one flight."""
     for k in progress.track(range(1 if data_dir else n_seeds), "flights"):
         yield flight(scenario, seed0 + k, data_dir)
 
 
-def crafts(scenario: Scenario, n_seeds: int, seed0: int, satellite: str, data_dir: str) -> Iterator[tuple[Flight, str]]:
+def per_satellite(
+    scenario: Scenario, n_seeds: int, seed0: int, satellite: str, data_dir: str
+) -> Iterator[tuple[Recording, str]]:
     """Every satellite asked for of every flight."""
-    for trip in flights(scenario, n_seeds, seed0, data_dir):
+    for recording in flights(scenario, n_seeds, seed0, data_dir):
         for s in chosen(satellite):
-            yield trip, s
+            yield recording, s
 
 
 def solve(
-    trip: Flight, satellite: str, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
+    recording: Recording, satellite: str, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
     calibrate: bool = False,
-) -> Solved:  # fmt: skip
+) -> Processed:  # fmt: skip
     """The whole chain for one satellite, see `estimate.solve`."""
-    edge = trip.edge.get(satellite, ())
-    return estimate.solve(trip.raw[satellite], trip.t, tuning, filters, use, calibrate, edge)
+    edge = recording.edge.get(satellite, ())
+    return estimate.solve(recording.raw[satellite], recording.t, tuning, filters, use, calibrate, edge)
 
 
-def reference(trip: Flight, satellite: str, result: Solved) -> Array:
+def reference(recording: Recording, satellite: str, result: Processed) -> Array:
     """Attitudes (n, 4) that errors are counted from: the truth where simulated, else the smoothed solution."""
-    true = trip.true_attitude(satellite, round(1.0 / result.measured.dt))
-    return result.solutions["rts"].q if true is None else true
+    q_true = recording.true_attitude(satellite, round(1.0 / result.measured.dt))
+    return result.solutions["rts"].q if q_true is None else q_true
 
 
-def reference_at(trip: Flight, satellite: str, t: Array, tuning: Tuning) -> Array:
+def reference_at(recording: Recording, satellite: str, t: Array, tuning: Tuning) -> Array:
     """The same at epochs t (n,) inside the flight: the truth on its grid, or a spline through the smoothed solution."""
-    if trip.truth:
-        motion = trip.truth[satellite]
+    if recording.truth:
+        motion = recording.truth[satellite]
         k = np.round((t - motion.t[0]) * GYRO_HZ).astype(int)
         if np.abs(motion.t[k] - t).max() < 1e-9:
             return motion.q[k]
         return spline(motion.t, motion.q, t)
-    result = solve(trip, satellite, tuning, ("rts",))
+    result = solve(recording, satellite, tuning, ("rts",))
     q = result.solutions["rts"].q
     good = np.isfinite(q[:, 0])
     return spline(result.t[good], q[good], np.clip(t, result.t[good][0], result.t[good][-1]))
 
 
-def angles_of(trip: Flight, satellite: str, q: Array, frame: Array | None = None) -> Array:
+def angles_of(recording: Recording, satellite: str, q: Array, frame: Array | None = None) -> Array:
     """Pointing angles (n, 3) of attitudes at the whole seconds of the flight; frame as `pointing.angles` takes it."""
     other = SATELLITES[1 - SATELLITES.index(satellite)]
-    return pointing.angles(q, trip.r[satellite], trip.r[other], frame)
+    return pointing.angles(q, recording.r[satellite], recording.r[other], frame)
 
 
-def camera_angles(trip: Flight, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]]) -> dict[str, Array]:
+def camera_angles(
+    recording: Recording, satellite: str, tuning: Tuning, uses: Sequence[tuple[int, ...]]
+) -> dict[str, Array]:
     """Pointing angles (n, 3) [rad] of cameras at the whole seconds at which all three see (else NaN).
 
     uses : single cameras or combinations, e.g. [(1,), (2,), (1, 2, 3)]; the result has the names sca1, sca2, sca123.
     """
-    raw, out = trip.raw[satellite], {}
+    raw, out = recording.raw[satellite], {}
     everyone = cameras.at_seconds(cameras.combination(raw, tuning))
     for use in uses:
         combined = cameras.at_seconds(cameras.combination(raw, tuning, use))
-        keep = (combined.t > trip.t[0] - 0.1) & (combined.t < trip.t[-1] + 0.1)
-        values = angles_of(trip, satellite, combined.q[keep])
+        keep = (combined.t > recording.t[0] - 0.1) & (combined.t < recording.t[-1] + 0.1)
+        values = angles_of(recording, satellite, combined.q[keep])
         values[everyone.used[keep] != 7] = np.nan
         out["sca" + "".join(map(str, use))] = values
     return out
@@ -124,30 +128,30 @@ def filters(
     """
     runs, pairs = [], []
     hz = tuning.update_hz
-    for trip in flights(scenario, n_seeds, seed0, data_dir):
-        results = {s: solve(trip, s, tuning, names, use, calibrate) for s in chosen(satellite)}
+    for recording in flights(scenario, n_seeds, seed0, data_dir):
+        results = {s: solve(recording, s, tuning, names, use, calibrate) for s in chosen(satellite)}
         for s, result in results.items():
             smoothed = None
-            if not trip.truth and (tuple(use) != (1, 2, 3) or hz != 1):
+            if not recording.truth and (tuple(use) != (1, 2, 3) or hz != 1):
                 # for files a variant is held against the smoother of all cameras at 1 Hz
-                smoothed = reference_at(trip, s, result.t, replace(tuning, update_hz=1))
-            bias = trip.true_bias(s, tuning.axes, hz)
-            runs.append(assess.statistics(result, trip.true_attitude(s, hz), bias, smoothed))
-        if trip.truth and {"akf7", "jpl_like"} <= set(names):
+                smoothed = reference_at(recording, s, result.t, replace(tuning, update_hz=1))
+            bias = recording.true_bias(s, tuning.axes, hz)
+            runs.append(assess.statistics(result, recording.true_attitude(s, hz), bias, smoothed))
+        if recording.truth and {"akf7", "jpl_like"} <= set(names):
             for run in runs[-len(results) :]:  # both see the same flight: their difference has less spread than either
                 errors = [np.mean([run[f"attitude_rms.{n}.{a}"] for a in AXES]) for n in ("akf7", "jpl_like")]
                 run["attitude_rms.akf7_minus_jpl_like"] = float(errors[0] - errors[1])
         if len(results) == 2 and hz == 1 and "rts" in names:
-            pairs.append(_pair(trip, results, pitch_offset_rad))
+            pairs.append(_pair(recording, results, pitch_offset_rad))
     return assess.table_of(runs) | (assess.table_of(pairs) if pairs else {})
 
 
-def _pair(trip: Flight, results: dict[str, Solved], pitch_offset_rad: float) -> dict[str, float]:
+def _pair(recording: Recording, results: dict[str, Processed], pitch_offset_rad: float) -> dict[str, float]:
     """Statistics of the antenna correction, and how its rate changes with a pitch offset of the JPL-like product."""
     q = {name: {s: results[s].solutions[name].q for s in SATELLITES} for name in results["C"].solutions}
-    r_C, r_D = trip.r["C"], trip.r["D"]
-    out = assess.antenna_statistics(q, {s: reference(trip, s, results[s]) for s in SATELLITES}, r_C, r_D)
-    if not trip.truth:
+    r_C, r_D = recording.r["C"], recording.r["D"]
+    out = assess.antenna_statistics(q, {s: reference(recording, s, results[s]) for s in SATELLITES}, r_C, r_D)
+    if not recording.truth:
         del out["kbr_rate_error.rts"]  # held against itself
     if "mekf" in q and "jpl_like" in q:
         like = q["jpl_like"]
@@ -167,22 +171,22 @@ def camera_errors(
     Names: single.<1|2|3>.rms.<axis>, combined.<12|13|23|123>.<rms|mean|std>.<axis>, valid.<1|2|3>, seen.<0..3>.
     """
     runs = []
-    for trip, s in crafts(scenario, n_seeds, seed0, satellite, data_dir):
-        raw = trip.raw[s]
+    for recording, s in per_satellite(scenario, n_seeds, seed0, satellite, data_dir):
+        raw = recording.raw[s]
         q = cameras.in_satellite_axes(raw)
         keep = np.isfinite(q).all(axis=(0, 2))
         edge = assess.inner(len(keep), 0.5)
         keep[: edge.start] = keep[edge.stop :] = False
-        true = reference_at(trip, s, raw.t_camera, tuning)
+        q_true = reference_at(recording, s, raw.t_camera, tuning)
         run: dict[str, float] = {}
         for i in range(3):
-            run |= assess.by_axis(f"single.{i + 1}.rms", assess.rms(difference(q[i], true)[keep]))
+            run |= assess.by_axis(f"single.{i + 1}.rms", assess.rms(difference(q[i], q_true)[keep]))
             run[f"valid.{i + 1}"] = float(np.isfinite(q[i, :, 0]).mean())
         count = np.isfinite(q[:, :, 0]).sum(axis=0)
         run |= {f"seen.{k}": float((count == k).mean()) for k in range(4)}
         means = []
         for use in ((1, 2), (1, 3), (2, 3), (1, 2, 3)):
-            e = difference(cameras.combination(raw, tuning, use).q, true)[keep]
+            e = difference(cameras.combination(raw, tuning, use).q, q_true)[keep]
             name = "combined." + "".join(map(str, use))
             run |= assess.by_axis(f"{name}.rms", assess.rms(e)) | assess.by_axis(f"{name}.mean", e.mean(axis=0))
             run |= assess.by_axis(f"{name}.std", e.std(axis=0))
@@ -198,13 +202,13 @@ def weights(
 ) -> dict[float, Array]:  # fmt: skip
     """Rms error (3,) [rad] of the three-camera combination for each assumed anisotropy k."""
     total: dict[float, list[Array]] = {k: [] for k in ks}
-    for trip, s in crafts(scenario, n_seeds, seed0, satellite, data_dir):
-        raw = trip.raw[s]
+    for recording, s in per_satellite(scenario, n_seeds, seed0, satellite, data_dir):
+        raw = recording.raw[s]
         q = cameras.in_satellite_axes(raw)
         keep = np.isfinite(q).all(axis=(0, 2))
-        true = reference_at(trip, s, raw.t_camera, tuning)[keep]
+        q_true = reference_at(recording, s, raw.t_camera, tuning)[keep]
         for k in ks:
-            e = difference(cameras.combine(raw.t_camera[keep], q[:, keep], raw.q_qsa, tuning.sigma, k).q, true)
+            e = difference(cameras.combine(raw.t_camera[keep], q[:, keep], raw.q_qsa, tuning.sigma, k).q, q_true)
             total[k].append(np.mean(e**2, axis=0))
     return {k: np.sqrt(np.mean(values, axis=0)) for k, values in total.items()}
 
@@ -217,12 +221,12 @@ def mounting(
     Names: <before|after>.std.<axis>, .mean.<axis>, .rate.<axis>, .nis3.
     """
     runs = []
-    for trip, s in crafts(scenario, n_seeds, seed0, satellite, data_dir):
+    for recording, s in per_satellite(scenario, n_seeds, seed0, satellite, data_dir):
         run: dict[str, float] = {}
         for word, calibrate in (("before", False), ("after", True)):
-            result = solve(trip, s, tuning, ("mekf", "rts"), calibrate=calibrate)
+            result = solve(recording, s, tuning, ("mekf", "rts"), calibrate=calibrate)
             solution, keep = result.solutions["mekf"], assess.inner(len(result.t))
-            e = assess.error(solution.q, reference(trip, s, result))[keep]
+            e = assess.error(solution.q, reference(recording, s, result))[keep]
             apart = assess.rate_difference(solution, result)[assess.inner(len(result.t) - 2)]
             run |= assess.by_axis(f"{word}.std", e.std(axis=0)) | assess.by_axis(f"{word}.mean", e.mean(axis=0))
             run |= assess.by_axis(f"{word}.rate", assess.std(apart))
@@ -266,16 +270,16 @@ def days(
     `mekf`, `rts`, `jpl_like` : each against the truth (real data: against the smoother).
     """
     parts: dict[str, list[Array]] = {}
-    for trip in flights(scenario, n_days, seed0, data_dir):
-        results = {s: solve(trip, s, tuning, ("mekf", "rts", "jpl_like")) for s in SATELLITES}
+    for recording in flights(scenario, n_days, seed0, data_dir):
+        results = {s: solve(recording, s, tuning, ("mekf", "rts", "jpl_like")) for s in SATELLITES}
         q = {name: {s: results[s].solutions[name].q for s in SATELLITES} for name in ("mekf", "rts", "jpl_like")}
-        true = {s: reference(trip, s, results[s]) for s in SATELLITES}
+        q_true = {s: reference(recording, s, results[s]) for s in SATELLITES}
         offset = {s: effect.turned(q["jpl_like"][s], pitch_offset_rad) for s in SATELLITES}
         pairs = {"none": (q["mekf"], q["jpl_like"]), "offset": (q["mekf"], offset)}
-        pairs |= {name: (of_one, true) for name, of_one in q.items()}
+        pairs |= {name: (of_one, q_true) for name, of_one in q.items()}
         first = int(np.argmax(np.all([np.isfinite(x[s][:, 0]) for x in q.values() for s in SATELLITES], axis=0)))
         for name, (one, other) in pairs.items():
-            series = effect.range_rate_difference(trip, one, other, true, step)
+            series = effect.range_rate_difference(recording, one, other, q_true, step)
             series[: first // step + 1] = series[first // step + 1]  # the filters start with the first camera
             parts.setdefault(name, []).append(detrend(series))
     return {name: np.concatenate(series) for name, series in parts.items()}
@@ -288,21 +292,21 @@ class Gap(NamedTuple):
     sigma: dict[str, Array]
     first: int
     last: int
-    solutions: dict[str, Solution]
+    solutions: dict[str, Estimate]
 
     def flagged(self, limit_rad: float) -> Array:
         """Epochs (n,) of the filter whose standard deviation exceeds the limit [rad], or that have no estimate."""
         return self.solutions["mekf"].flagged(limit_rad)
 
 
-def with_gap(measured: Measured, first: int, count: int) -> Measured:
+def with_gap(measured: Observations, first: int, count: int) -> Observations:
     """The same without any camera at `count` epochs from `first` on."""
     z, R = measured.z.copy(), measured.R.copy()
     z[first : first + count], R[first : first + count] = np.nan, np.nan
     return measured._replace(z=z, R=R)
 
 
-def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: float, start_s: float) -> Gap:
+def gap(recording: Recording, satellite: str, result: Processed, tuning: Tuning, gap_s: float, start_s: float) -> Gap:
     """Filter and smoother over a gap of all cameras of gap_s from start_s after the first epoch on."""
     first, count = round(start_s / result.measured.dt), round(gap_s / result.measured.dt)
     if not 0 < first < first + count < len(result.t):
@@ -311,7 +315,7 @@ def gap(trip: Flight, satellite: str, result: Solved, tuning: Tuning, gap_s: flo
             "lengthen the flight."
         )
     forward, smooth = estimate.mekf(with_gap(result.measured, first, count), tuning, smooth=True)
-    base, solutions = reference(trip, satellite, result), {"mekf": forward, "rts": smooth}
+    base, solutions = reference(recording, satellite, result), {"mekf": forward, "rts": smooth}
     error = {name: assess.error(x.q, base) for name, x in solutions.items()}
     sigma = {name: np.sqrt(np.einsum("kii->ki", x.cov)) for name, x in solutions.items()}
     return Gap(error, sigma, first, first + count - 1, solutions)
@@ -327,7 +331,7 @@ class Outliers(NamedTuple):
 
 
 def outliers(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, count: int, size_rad: float, gate: float,
+    recording: Recording, satellite: str, result: Processed, tuning: Tuning, count: int, size_rad: float, gate: float,
     rng: np.random.Generator,
 ) -> Outliers:  # fmt: skip
     """Outliers of +-size on every axis with random signs, at random epochs of the combined quaternion."""
@@ -336,7 +340,7 @@ def outliers(
     seen = np.flatnonzero(np.isfinite(z[keep, 0])) + keep.start
     where = rng.choice(seen, count, replace=False)
     z[where] = multiply(z[where], exp(size_rad * rng.choice([-1.0, 1.0], (count, 3))))
-    spoiled, base = result.measured._replace(z=z), reference(trip, satellite, result)
+    spoiled, base = result.measured._replace(z=z), reference(recording, satellite, result)
     gated, ungated = (estimate.mekf(spoiled, replace(tuning, gate=limit)) for limit in (gate, 0.0))
     rms = [assess.rms(assess.error(solution.q, base)[keep]) for solution in (gated, ungated)]
     found = int(gated.rejected[where].sum())
@@ -344,7 +348,7 @@ def outliers(
 
 
 def wrong_start(
-    trip: Flight, satellite: str, result: Solved, tuning: Tuning, angle_rad: float, rng: np.random.Generator,
+    recording: Recording, satellite: str, result: Processed, tuning: Tuning, angle_rad: float, rng: np.random.Generator,
     seconds: int = 60, method: str = "mekf",
 ) -> Array:  # fmt: skip
     """Angle of the attitude error (seconds + 1,) [rad] after a start wrong by an angle about a random axis.
@@ -352,7 +356,7 @@ def wrong_start(
     P0 = 1 rad^2. method : mekf, akf7, or vector_part, a MEKF whose residual is twice the vector part of q* z:
     2 sin(angle / 2), short of the angle by angle^3 / 24: nothing at the level of noise, a tenth at 90 deg.
     """
-    base, m = reference(trip, satellite, result), result.measured
+    base, m = reference(recording, satellite, result), result.measured
     first = int(np.argmax(np.isfinite(m.z[:, 0])))
     axis = rng.standard_normal(3)
     start = multiply(base[first], exp(angle_rad * axis / np.linalg.norm(axis)))

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 
 from geokalman.attitude.model import AXES, Array
 from geokalman.attitude.pointing import asd
-from geokalman.style import METHODS, Method, ink
+from geokalman.style import METHODS, MethodStyle, ink
 
 MOST_POINTS = 4000
 
 
-def _look(name: str) -> Method:
+def _look(name: str) -> MethodStyle:
     """How a filter or a camera is drawn; the smoother of this part is that of the multiplicative filter."""
     return METHODS["mekf_rts" if name == "rts" else name]
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from geokalman.attitude.cameras import Combined, at_seconds
 from geokalman.attitude.header import Level1Error
-from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Raw, Tuning, arw_density, gyro_matrix
+from geokalman.attitude.model import GYRO_HZ, WRAP_DEG, Array, Telemetry, Tuning, arw_density, gyro_matrix
 from geokalman.physics.quaternion import difference, exp, log, multiply
 
 LONGEST_GAP = 1.0  # s: an angle is not interpolated over more
@@ -167,7 +167,7 @@ def between(increments: Increments, first: float, last: float) -> Increments:
     return Increments(t[k : m + 1], increments.d[k:m], increments.parity[k:m])
 
 
-def present(raw: Raw) -> tuple[int, ...]:
+def present(raw: Telemetry) -> tuple[int, ...]:
     """Axes (1 to 4) with half the samples of the fullest. Raises Level1Error for fewer than three."""
     counts = (np.isfinite(raw.t_gyro) & np.isfinite(raw.gyro)).sum(axis=1)
     there = tuple(axis for axis in (1, 2, 3, 4) if counts[axis - 1] > 0 and counts[axis - 1] >= FEWEST * counts.max())
@@ -179,7 +179,7 @@ def present(raw: Raw) -> tuple[int, ...]:
     return there
 
 
-def sound(raw: Raw, tuning: Tuning) -> Tuning:
+def sound(raw: Telemetry, tuning: Tuning) -> Tuning:
     """The tuning with those of its gyro axes that gave samples; a missing one is left out with a GyroWarning.
 
     Raises Level1Error where fewer than three remain.
@@ -199,7 +199,7 @@ def sound(raw: Raw, tuning: Tuning) -> Tuning:
     return replace(tuning, axes=axes)
 
 
-def reduced(raw: Raw, tuning: Tuning) -> Increments:
+def reduced(raw: Telemetry, tuning: Tuning) -> Increments:
     """8 Hz increments from the first to the last camera second, half a second more at both ends.
 
     Missing axes are left out as `sound` says. Raises Level1Error where fewer than three remain.
@@ -213,7 +213,7 @@ def reduced(raw: Raw, tuning: Tuning) -> Increments:
     return reduce(raw.t_gyro, raw.gyro, raw.satellite, epochs, tuning.axes)
 
 
-def sound_increments(raw: Raw, tuning: Tuning, combined: Combined) -> tuple[Increments, Tuning]:
+def sound_increments(raw: Telemetry, tuning: Tuning, combined: Combined) -> tuple[Increments, Tuning]:
     """8 Hz increments, and the tuning with the axes that they were made of.
 
     An axis without samples is left out; so is, where the parity of four axes stays beyond 6 sigma for a second, the

@@ -234,7 +234,7 @@ class Tuning(_Settings):
 
 
 @dataclass(frozen=True)
-class Raw:
+class Telemetry:
     """What one satellite's sensors give; times in seconds after the origin t0 (GPS seconds, an integer).
 
     t_camera : (n,) [s]; q_camera : (3, n, 4) SCF to ICRF, NaN where invalid; q_qsa : (3, 4) SRF to SCF;

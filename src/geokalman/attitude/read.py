@@ -13,10 +13,10 @@ import numpy as np
 from geokalman.attitude import cameras, gyro
 from geokalman.attitude.header import NAME, Level1Error, flag_meanings
 from geokalman.attitude.level1 import Level1Warning, Table, read
-from geokalman.attitude.model import SATELLITES, Array, Raw, mounting
+from geokalman.attitude.model import SATELLITES, Array, Telemetry, mounting
 from geokalman.attitude.products import QUATERNION
 from geokalman.attitude.timetags import clock, flag_bits, seconds
-from geokalman.attitude.truth import Flight
+from geokalman.attitude.truth import Recording
 from geokalman.attitude.write import gps_second
 from geokalman.physics.quaternion import normalise
 
@@ -59,7 +59,7 @@ def _table(folder: Path | str, product: str, satellite: str, date: str) -> Table
     return read(find(folder, product, satellite, date), product, satellite, date)
 
 
-def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]:
+def raw(folder: Path | str, satellite: str, date: str) -> tuple[Telemetry, np.ndarray]:
     """Sensors of one satellite on one day, in GPS time, and which camera epochs stand at an edge of the clock (n,).
 
     Cameras are taken where sca_confid <= 5 and no flag speaks against them (`refused`); TIM1B and CLK1B of the
@@ -86,7 +86,7 @@ def raw(folder: Path | str, satellite: str, date: str) -> tuple[Raw, np.ndarray]
     t_camera, q_camera, first = _by_camera(t, sca["sca_id"], sca.stacked(*QUATERNION))
     t_all, _ = time.gps(seconds(imu["time_intg"], imu["time_frac"], 10**6, origin))
     t_gyro, angle = _by_axis(t_all, imu["gyro_id"], imu["FiltAng"], imu.path)
-    return Raw(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, angle), edge[first]
+    return Telemetry(satellite, origin, t_camera, q_camera, q_qsa, t_gyro, angle), edge[first]
 
 
 def refused(table: Table, name: str) -> np.ndarray:
@@ -217,7 +217,7 @@ def accelerations(folder: Path | str, satellite: str, date: str) -> tuple[Array,
     return t, table.stacked("lin_accl_x", "lin_accl_y", "lin_accl_z")
 
 
-def flight(folder: Path | str, date: str = "") -> Flight:
+def flight(folder: Path | str, date: str = "") -> Recording:
     """Both satellites on the first day (or `date`) in a folder, at the whole seconds that all sensors have in common.
 
     Raises Level1Error where files are missing, too short or have gaps in the orbit.
@@ -225,8 +225,7 @@ def flight(folder: Path | str, date: str = "") -> Flight:
     days = dates(folder)
     if not days:
         raise Level1Error(
-            f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of GRACE-FO Level-1A and 1B files "
-            "of one day."
+            f"{folder}: no SCA1A_YYYY-MM-DD_S_VV.txt; give the folder of GRACE-FO Level-1A and 1B files of one day."
         )
     if not date and len(days) > 1:
         warnings.warn(
@@ -263,7 +262,7 @@ def flight(folder: Path | str, date: str = "") -> Flight:
         if versions(folder, "ACT1B", s, date):
             linear |= _accelerations(folder, s, date, t)
         sensors[s] = _trim(sensors[s], t[0], t[-1])
-    return Flight(t, sensors, r, v, {}, linear, edge)
+    return Recording(t, sensors, r, v, {}, linear, edge)
 
 
 def _accelerations(folder: Path, satellite: str, date: str, t: Array) -> dict[str, Array]:
@@ -285,12 +284,12 @@ def _nearest(grid: Array, t: Array) -> np.ndarray:
     return right - (t - grid[right - 1] < grid[right] - t)
 
 
-def _reach(one: Raw) -> tuple[float, float]:
+def _reach(one: Telemetry) -> tuple[float, float]:
     """First and last time [s] at which all sensors have data, a second for interpolation left at either end."""
     t = one.t_gyro[[axis - 1 for axis in gyro.present(one)]]
     return max(one.t_camera[0], np.nanmin(t, axis=1).max() + 1), min(one.t_camera[-1], np.nanmax(t, axis=1).min() - 1)
 
 
-def _trim(one: Raw, first: float, last: float) -> Raw:
+def _trim(one: Telemetry, first: float, last: float) -> Telemetry:
     keep = (one.t_camera > first - 0.75) & (one.t_camera < last + 0.75)
     return replace(one, t_camera=one.t_camera[keep], q_camera=one.q_camera[:, keep])

@@ -10,10 +10,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from geokalman.attitude.model import (
-    CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Raw, Scenario, arw_density, gyro_matrix,
+    CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Telemetry, Scenario, arw_density, gyro_matrix,
     mounting,
 )  # fmt: skip
-from geokalman.attitude.truth import REVOLUTION, Flight, Truth, fly, increments
+from geokalman.attitude.truth import REVOLUTION, Recording, Truth, fly, increments
 from geokalman.physics.quaternion import conjugate, exp, matrix, multiply
 
 AXIS_OFFSETS = (0.0, 0.031, 0.0625, 0.094)  # s: the axes are sampled at different instants
@@ -48,9 +48,9 @@ def gyros(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Gener
         start[0], start[2] = side * (WRAP_DEG - 20.0), -side * (WRAP_DEG - 20.0)
     out = np.empty((4, m))
     for axis in range(4):
-        true = CubicSpline(t, angle[:, axis])(times[axis])
+        true_angle = CubicSpline(t, angle[:, axis])(times[axis])
         drift = np.cumsum(noise[axis] + bias[axis] * h)
-        degrees = start[axis] + np.degrees(true + drift)
+        degrees = start[axis] + np.degrees(true_angle + drift)
         degrees = np.round(degrees / QUANTUM_DEG) * QUANTUM_DEG
         out[axis] = (degrees + WRAP_DEG) % (2 * WRAP_DEG) - WRAP_DEG
     return times, out, bias
@@ -102,20 +102,20 @@ def _dropouts(duration: float, rng: np.random.Generator) -> list[tuple[float, fl
     return list(zip(rng.uniform(0, duration, count), rng.exponential(DROPOUT_MEAN, count), strict=True))
 
 
-def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Truth, Raw]:
+def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Generator) -> tuple[Truth, Telemetry]:
     """The truth with its gyro biases, and what a satellite's sensors give; rng has a child for gyros and cameras."""
     gyro_rng, camera_rng = rng.spawn(2)
     t_gyro, gyro, bias = gyros(truth, satellite, scenario, gyro_rng)
     t_camera, q_camera = cameras(truth, scenario, camera_rng)
     known = replace(truth, bias=np.concatenate([bias, bias[:, -1:]], axis=1).T)
-    return known, Raw(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
+    return known, Telemetry(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
 
 
-def simulate(scenario: Scenario, seed: int) -> Flight:
+def simulate(scenario: Scenario, seed: int) -> Recording:
     """Truth on the 8 Hz grid and sensor data of both satellites, run `seed` of an ensemble."""
     truth_rng, *sensor_rngs = np.random.default_rng(seed).spawn(3)
     motion = fly(scenario, truth_rng)
     seen = {s: observe(motion[s], s, scenario, child) for s, child in zip(SATELLITES, sensor_rngs, strict=True)}
     truth, raw = ({s: pair[k] for s, pair in seen.items()} for k in (0, 1))
     at = {s: truth[s].at(1, scenario.duration_s) for s in SATELLITES}
-    return Flight(at["C"].t, raw, {s: at[s].r for s in SATELLITES}, {s: at[s].v for s in SATELLITES}, truth)
+    return Recording(at["C"].t, raw, {s: at[s].r for s in SATELLITES}, {s: at[s].v for s in SATELLITES}, truth)

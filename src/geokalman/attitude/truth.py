@@ -1,6 +1,6 @@
 """True orbits and attitudes of the pair: an analytic orbit with secular J2, and pointing angles like GRACE-FO's.
 
-A `Flight` holds what the sensors gave together with that truth, where there is one.
+A `Recording` holds what the sensors gave together with that truth, where there is one.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import GYRO_HZ, Array, Raw, Scenario, gyro_matrix, los_frame
+from geokalman.attitude.model import GYRO_HZ, Array, Telemetry, Scenario, gyro_matrix, los_frame
 from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import continuous, difference, exp, from_matrix, multiply
 
@@ -47,7 +47,7 @@ class Truth:
 
 
 @dataclass(frozen=True)
-class Flight:
+class Recording:
     """Raw data of both satellites, their orbits r, v (n, 3) at the whole seconds t (n,), and the truth where simulated.
 
     accelerations : satellite -> (n, 3) [m/s^2] in the SRF from ACT1B, where there are any; edge : satellite -> those of
@@ -55,7 +55,7 @@ class Flight:
     """
 
     t: Array
-    raw: dict[str, Raw]
+    raw: dict[str, Telemetry]
     r: dict[str, Array]
     v: dict[str, Array]
     truth: dict[str, Truth] = field(default_factory=dict)

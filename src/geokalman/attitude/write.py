@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geokalman.attitude.header import END, EPOCH
-from geokalman.attitude.model import EPOCH_2019, Array, Raw
+from geokalman.attitude.model import EPOCH_2019, Array, Telemetry
 from geokalman.attitude.products import GRACE_FO, QUATERNION
 
 FLAGS = "00000000"
@@ -87,7 +87,7 @@ def _tags(t: Array, origin: int) -> tuple[np.ndarray, np.ndarray]:
     return origin + micro // 1_000_000, micro % 1_000_000
 
 
-def write_raw(folder: Path | str, raw: Raw) -> list[Path]:
+def write_raw(folder: Path | str, raw: Telemetry) -> list[Path]:
     """SCA1A, IMU1A, QSA1B, TIM1B and CLK1B of one satellite, tagged by a computer and a clock that run wrong.
 
     Camera rows of one epoch come in changing order and only where the camera sees, as in real files.

@@ -11,7 +11,7 @@ import numpy as np
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace.model import DAY, Array, distance, range_rate
 from geokalman.grace.recover import Recovery
-from geokalman.grace.simulate import OrbitPair
+from geokalman.grace.simulate import Truth
 from geokalman.physics.field import GravityField
 from geokalman.physics.harmonics import area_rms, degree_variance, error_degree_variance, geoid_difference
 from geokalman.physics.sphere import cell_centred_grid
@@ -48,18 +48,18 @@ def statistics(residual: Array, edge: int = 100) -> Statistics:
     return Statistics(float(kept.mean()), float(kept.min()), float(kept.max()), float(kept.std()))
 
 
-def range_rate_residual(rate: Array, orbit: OrbitPair) -> Array:
+def range_rate_residual(rate: Array, orbit: Truth) -> Array:
     """Range-rate of a method minus that of the simulation (n,) [m/s]; NaN where the method has none."""
     return rate - range_rate(orbit.dr, orbit.dv)
 
 
-def pair_difference(one: OrbitPair, other: OrbitPair) -> tuple[float, float]:
+def pair_difference(one: Truth, other: Truth) -> tuple[float, float]:
     """Largest difference of range-rate [m/s] and of relative position [m] between two integrations of one pair."""
     rates = range_rate(one.dr, one.dv) - range_rate(other.dr, other.dv)
     return float(np.abs(rates).max()), float(distance(one.dr - other.dr).max())
 
 
-def drift_per_revolution(orbit: OrbitPair, revolution: float) -> float:
+def drift_per_revolution(orbit: Truth, revolution: float) -> float:
     """Secular change of the range [m] per revolution [s]: mean over the last revolution minus that over the first."""
     rho, k = distance(orbit.dr), round(revolution / orbit.dt)
     if len(rho) < 2 * k:
@@ -67,7 +67,7 @@ def drift_per_revolution(orbit: OrbitPair, revolution: float) -> float:
     return float((rho[-k:].mean() - rho[:k].mean()) / (len(rho) / k - 1))
 
 
-def largest_node_gap(orbit: OrbitPair, days: Sequence[float]) -> list[float]:
+def largest_node_gap(orbit: Truth, days: Sequence[float]) -> list[float]:
     """Largest gap in longitude [deg] between the trailing satellite's ascending nodes on the Earth, after so many days.
 
     Fewer than two nodes leave the whole circle, 360.

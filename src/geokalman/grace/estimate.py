@@ -46,7 +46,7 @@ class Differentiated:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class States:
     """States [dr, dv, da] (n, 9) every dt [s], with covariances (n, 9, 9) where they were asked for."""
 
     dt: float
@@ -92,8 +92,8 @@ class Estimate:
     """A filter's states, their fixed-interval smoothed twins, and the whitened innovations (n, 4): position,
     range-rate."""
 
-    filtered: Trajectory
-    smoothed: Trajectory
+    filtered: States
+    smoothed: States
     innovations: Array
 
 
@@ -151,8 +151,8 @@ def _run(data: Observations, tuning: Tuning, update: Update | None, kind: Kind, 
     smoothed = smooth(course, covariances)
     innovations = np.full((len(data.baseline), 4), np.nan)
     innovations[:, : course.whitened.shape[1]] = course.whitened
-    filtered = Trajectory(dt, course.mean, course.cov)
-    return Estimate(filtered, Trajectory(dt, smoothed.mean, smoothed.cov), innovations)
+    filtered = States(dt, course.mean, course.cov)
+    return Estimate(filtered, States(dt, smoothed.mean, smoothed.cov), innovations)
 
 
 @njit(cache=True)

@@ -78,7 +78,11 @@ class Scenario:
             raise ValueError(f"n_max = {self.n_max} is below 2; degrees 0 and 1 are held fixed, so give 2 or more.")
         if not 0 <= self.e < 1:
             raise ValueError(f"e = {self.e:g} is not the eccentricity of an ellipse; give 0 <= e < 1.")
-        memory.require(f"A pair of orbits of {self.epochs} epochs, with its filters,", _EPOCH * self.epochs, "give fewer days or a longer dt")
+        memory.require(
+            f"A pair of orbits of {self.epochs} epochs, with its filters,",
+            _EPOCH * self.epochs,
+            "give fewer days or a longer dt",
+        )
         radius = self.gravity().radius
         perigee = self.a * (1 - self.e) - radius
         if perigee < LOWEST_PERIGEE:

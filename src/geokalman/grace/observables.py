@@ -25,9 +25,9 @@ import numpy as np
 
 from geokalman.grace import estimate
 from geokalman.grace.differentiate import derivative, spline_derivative
-from geokalman.grace.estimate import Differentiated, Trajectory
+from geokalman.grace.estimate import Differentiated, States
 from geokalman.grace.model import Array, Observations, Tuning, distance, los_gravity, range_rate
-from geokalman.grace.simulate import OrbitPair, accelerations
+from geokalman.grace.simulate import Truth, accelerations
 from geokalman.physics.field import GravityField
 
 IDS = ("X", "N1", "N2", "E0", "E1", "E2", "U1", "U2", "K0", "B11", "P2")
@@ -35,7 +35,7 @@ PAPER = ("N1", "E1", "U2")
 """The paper's three methods under the default interpretation."""
 
 
-def exact(orbit: OrbitPair, gravity: GravityField) -> Array:
+def exact(orbit: Truth, gravity: GravityField) -> Array:
     """X: e . (g_A - g_B) of the field itself (n,) [m/s^2]."""
     a_A, a_B = accelerations(orbit, gravity)
     return np.einsum("ij,ij->i", orbit.dr, a_A - a_B) / distance(orbit.dr)
@@ -47,13 +47,13 @@ def from_newton(newton: Differentiated, twice: bool) -> Array:
     return los_gravity(newton.rho, newton.rate, acceleration, newton.dv)
 
 
-def from_range_rate(states: Trajectory) -> Array:
+def from_range_rate(states: States) -> Array:
     """E1, U1: equation (47) with the range-acceleration from D9 of the states' range-rate, (n,) [m/s^2]."""
     return los_gravity(states.rho, states.rate, derivative(states.rate, states.dt), states.dv)
 
 
 def observables(
-    orbit: OrbitPair,
+    orbit: Truth,
     gravity: GravityField,
     data: Observations,
     tuning: Tuning,

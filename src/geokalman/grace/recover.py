@@ -19,7 +19,7 @@ import numpy as np
 from geokalman import memory
 from geokalman.constants import GM_EARTH, OMEGA_EARTH, R_EARTH
 from geokalman.grace.model import DAY, Array, distance
-from geokalman.grace.simulate import OrbitPair
+from geokalman.grace.simulate import Truth
 from geokalman.leastsquares import NormalEquations, SingularNormalMatrix, sum_normals
 from geokalman.physics.field import GravityField
 from geokalman.physics.frames import to_ecef
@@ -75,7 +75,9 @@ def outlook(epochs: int, n_max: int) -> float:
         normals.add(block, block[:, 0])
         rows, algebra = min(rows, between - begun), min(algebra, time.perf_counter() - between)
     operation = algebra / (_ROWS * columns**2)
-    return epochs * (rows / _ROWS + unknowns**2 * operation) + unknowns**3 * operation  # of it two thirds: factor, inverse
+    return (
+        epochs * (rows / _ROWS + unknowns**2 * operation) + unknowns**3 * operation
+    )  # of it two thirds: factor, inverse
 
 
 def _require_memory(n_max: int) -> None:
@@ -91,7 +93,7 @@ def _require_memory(n_max: int) -> None:
 
 
 def recover(
-    orbit: OrbitPair,
+    orbit: Truth,
     gravity: GravityField,
     observables: Mapping[str, Array],
     edge: int = 100,

@@ -24,7 +24,7 @@ _SAMPLE = 100  # evaluations of the force by which the time of an orbit is fores
 
 
 @dataclass(frozen=True)
-class OrbitPair:
+class Truth:
     """True inertial states of both satellites: t (n,) [s], A leading and B trailing (n, 6) [m, m/s]."""
 
     t: Array
@@ -46,14 +46,14 @@ class OrbitPair:
         """Sampling interval [s]."""
         return float(self.t[1] - self.t[0])
 
-    def first(self, days: float) -> OrbitPair:
+    def first(self, days: float) -> Truth:
         """The same pair over its first days."""
         keep = self.t <= days * DAY + 1e-6
-        return OrbitPair(self.t[keep], self.A[keep], self.B[keep])
+        return Truth(self.t[keep], self.A[keep], self.B[keep])
 
-    def every(self, k: int) -> OrbitPair:
+    def every(self, k: int) -> Truth:
         """The same pair at every k-th epoch."""
-        return OrbitPair(self.t[::k], self.A[::k], self.B[::k])
+        return Truth(self.t[::k], self.A[::k], self.B[::k])
 
 
 def start_states(scenario: Scenario, gravity: GravityField) -> tuple[Array, Array]:
@@ -81,7 +81,7 @@ def outlook(scenario: Scenario, gravity: GravityField) -> float:
     return each * scenario.days * DAY / scenario.h * (STAGES if scenario.integrator == "dop853" else 1)
 
 
-def orbit_pair(scenario: Scenario, gravity: GravityField) -> OrbitPair:
+def orbit_pair(scenario: Scenario, gravity: GravityField) -> Truth:
     """Integrate both satellites together in the field that turns with the Earth.
 
     gravity: the field at the scenario's degree (an argument of its own, so that a memo sees what is in it).
@@ -95,10 +95,10 @@ def orbit_pair(scenario: Scenario, gravity: GravityField) -> OrbitPair:
         surface=gravity.radius, rtol=scenario.rtol, atol=scenario.atol, progress=share("orbits"),
     )  # fmt: skip
     A, B = (np.concatenate([orbits.r[:, k], orbits.v[:, k]], axis=1) for k in (0, 1))
-    return OrbitPair(orbits.t, A, B)
+    return Truth(orbits.t, A, B)
 
 
-def accelerations(orbit: OrbitPair, gravity: GravityField) -> tuple[Array, Array]:
+def accelerations(orbit: Truth, gravity: GravityField) -> tuple[Array, Array]:
     """True inertial gravitational accelerations (n, 3) of A and B [m/s^2]."""
     both = []
     for state in (orbit.A, orbit.B):
@@ -108,7 +108,7 @@ def accelerations(orbit: OrbitPair, gravity: GravityField) -> tuple[Array, Array
 
 
 def observe(
-    orbit: OrbitPair,
+    orbit: Truth,
     gravity: GravityField,
     rng: np.random.Generator | None = None,
     sigma_pos: float = 0.0,
@@ -132,7 +132,7 @@ def observe(
         noise_A, noise_B = rng.standard_normal((n, 3)), rng.standard_normal((n, 3))
         baseline = baseline + sigma_pos * (noise_A - noise_B)
         rate = rate + sigma_rr * rng.standard_normal(n)
-    first = OrbitPair(orbit.t[:1], orbit.A[:1], orbit.B[:1])
+    first = Truth(orbit.t[:1], orbit.A[:1], orbit.B[:1])
     a_A, a_B = accelerations(first, gravity)
     mean = np.concatenate([first.dr[0], first.dv[0], (a_A - a_B)[0]])
     return Observations(orbit.dt, baseline, rate, mean, np.diag(np.repeat(PRIOR_SIGMAS, 3) ** 2))

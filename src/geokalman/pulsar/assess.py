@@ -12,7 +12,7 @@ from geokalman.kalman.consistency import nees
 from geokalman.physics import mars
 from geokalman.pulsar.estimate import Diverged, Estimate
 from geokalman.pulsar.model import CENTURIES, Array
-from geokalman.pulsar.simulate import Flight
+from geokalman.pulsar.simulate import Truth
 
 SETTLED = 100
 """First row of the statistics: rows 100 to the last, as all statistics of the part."""
@@ -42,7 +42,7 @@ class Score(NamedTuple):
     skipped: float
 
 
-def errors(estimate: Estimate, flight: Flight) -> tuple[Array, Array]:
+def errors(estimate: Estimate, flight: Truth) -> tuple[Array, Array]:
     """Give the errors of position, ICRF axes [m], and velocity, Mars axes [m/s], (n, 3) each."""
     error = estimate.x - flight.x
     return error[:, :3] @ mars.smci_from_icrf(CENTURIES), error[:, 3:]
@@ -60,7 +60,7 @@ def rms(series: Array) -> Array:
     return np.sqrt((series**2).mean(axis=0))
 
 
-def score(estimate: Estimate, flight: Flight, first: int = SETTLED) -> Score:
+def score(estimate: Estimate, flight: Truth, first: int = SETTLED) -> Score:
     """Score one run over rows `first` to the last. Raises ValueError where none is left."""
     n = len(flight.t)
     if not 0 <= first < n:

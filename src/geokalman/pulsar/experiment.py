@@ -19,7 +19,7 @@ from geokalman.pulsar.dynamics import Force, j2_force
 from geokalman.pulsar.estimate import Diverged, Estimate, Tuning
 from geokalman.pulsar.model import Array, Belief, Mission, Preset
 from geokalman.pulsar.observations import Observations
-from geokalman.pulsar.simulate import Flight
+from geokalman.pulsar.simulate import Truth
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Experiment:
 
     mission: Mission
     preset: Preset
-    flight: Flight
+    flight: Truth
     force: Force
     methods: Mapping[str, Method]
     tuning: Tuning = Tuning()

@@ -19,7 +19,7 @@ TRUTH_STEP = 10.0
 
 
 @dataclass(frozen=True)
-class Flight:
+class Truth:
     """The true orbit in the inertial Mars frame.
 
     x0 : initial state (6,); t (n,) [s]; x : states (n, 6) [m, m/s].
@@ -42,7 +42,7 @@ def initial_state(mission: Mission, gravity: GravityField) -> Array:
     return kepler_to_state(orbit[:6], gravity.gm)
 
 
-def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: float = TRUTH_STEP) -> Flight:
+def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: float = TRUTH_STEP) -> Truth:
     """Fly the true orbit to every epoch of the mission, in Runge-Kutta steps of `step` s.
 
     mismatch : lambda of the field that is true, 0 for J2 and 1 for the rich one. Raises ArithmeticError where it
@@ -52,17 +52,17 @@ def fly(mission: Mission, gravity: GravityField, mismatch: float = 0.0, step: fl
     return fly_in(force, initial_state(mission, gravity), mission.t, step)
 
 
-def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Flight:
+def fly_in(force: Force, x0: Array, t: Array, step: float = TRUTH_STEP) -> Truth:
     """Fly from x0 at t = 0 in a force to t (n,) [s], up to STEP apart, in steps up to `step`."""
     out = np.empty((len(t), 6))
     failed = orbit_loop(x0, t, max(1, round(STEP / step)), force.head, force.field, force.sun, out)
     if failed >= 0:
         raise ArithmeticError(f"the orbit meets Mars before epoch k = {failed + 1}; raise the pericentre.")
-    return Flight(x0, t, out)
+    return Truth(x0, t, out)
 
 
 def observe(
-    flight: Flight, mission: Mission, world: World, rng: np.random.Generator, outlier_fraction: float = 0.0,
+    flight: Truth, mission: Mission, world: World, rng: np.random.Generator, outlier_fraction: float = 0.0,
     outlier_size: float = 10.0, bias: Bias = "white",
 ) -> Observations:  # fmt: skip
     """Ranges along the lines to the pulsars (11) with the errors of the experiment.
@@ -109,7 +109,7 @@ def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> O
     return Observations(data.t, z, data.H, data.variance)
 
 
-def mismatch_rms(truth: Flight, force: Force) -> tuple[float, float]:
+def mismatch_rms(truth: Truth, force: Force) -> tuple[float, float]:
     """Give what one step of 500 s of a force misses of the truth, from every true state anew.
 
     RMS per component of position [m] and velocity [m/s].

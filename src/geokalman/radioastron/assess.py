@@ -10,7 +10,7 @@ import numpy as np
 from geokalman.constants import C_LIGHT
 from geokalman.kalman.consistency import nees
 from geokalman.physics.satellite import Dynamics
-from geokalman.radioastron.estimate import Orbit
+from geokalman.radioastron.estimate import StateEstimate
 from geokalman.radioastron.model import BANDS, Array
 from geokalman.radioastron.simulate import Truth
 
@@ -56,7 +56,7 @@ def residual(error: Array, gradient: Array, source: Array) -> Residual:
     return Residual(dr @ source / C_LIGHT, dv @ source / C_LIGHT, da @ source / C_LIGHT)
 
 
-def errors(orbit: Orbit, truth: Truth, world: Dynamics, times: Array, source: Array) -> Errors:
+def errors(orbit: StateEstimate, truth: Truth, world: Dynamics, times: Array, source: Array) -> Errors:
     """Estimate minus truth at sorted times (k,) [s] after the estimate; source (3,) the unit vector to the source.
 
     world: the forces as the estimator knows them, along which its orbit is extrapolated.

@@ -200,7 +200,7 @@ def within_window(setup: Setup, rate: float, acceleration: float, steps: int = 1
 
 
 @dataclass(frozen=True)
-class Raw:
+class RawSamples:
     """A check with raw samples: a common signal of share rho in two stations' noise, complex, at `bandwidth` [Hz]."""
 
     bandwidth: float = 2e6
@@ -220,7 +220,7 @@ class RawPeak(NamedTuple):
     snr: float
 
 
-def raw_check(setup: Raw, delay: float, rate: float, rng: np.random.Generator) -> RawPeak:
+def raw_check(setup: RawSamples, delay: float, rate: float, rng: np.random.Generator) -> RawPeak:
     """Correlate raw samples as an FX correlator does: delay by a phase ramp, FFT of segments, cross-multiply, search.
 
     delay [s], rate: fringe rate [Hz] injected. Expected amplitude: rho (1 - delay/segment). Raises ValueError for a

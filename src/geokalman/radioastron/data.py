@@ -36,7 +36,7 @@ def _positive(name: str, value: float) -> None:
 
 
 @dataclass(frozen=True)
-class Levels:
+class Scenario:
     """Noise of the data and size of the errors before: SI.
 
     prior_position [m], prior_velocity [m/s], sigma_range [m], sigma_rate [m/s] (noise of each datum), bias ("none",
@@ -67,7 +67,7 @@ class Levels:
             raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass")
 
     @classmethod
-    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Levels:
+    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Scenario:
         """The levels of a notebook's parameters."""
         names = {
             "prior_pos_m": "prior_position", "prior_vel_m_s": "prior_velocity", "sigma_range_m": "sigma_range",
@@ -82,7 +82,7 @@ class Levels:
 
 
 @dataclass(frozen=True)
-class Weights:
+class Tuning:
     """What an estimator assumes: sigmas of range [m] and range-rate [m/s], and of biases where it estimates them."""
 
     sigma_range: float = 50.0
@@ -96,16 +96,16 @@ class Weights:
             _positive(name, getattr(self, name))
 
     @classmethod
-    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Weights:
+    def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Tuning:
         """The weights of a notebook's parameters; where they are None, the noise of the data."""
         noise = {"sigma_range": "sigma_range_m", "sigma_rate": "sigma_rate_m_s"}
         given = {k: p[name] if p.get(f"filter_{name}") is None else p[f"filter_{name}"] for k, name in noise.items()}
         return cls(**given | {"estimate_bias": p.get("estimate_bias", False)} | changes)
 
 
-NAIVE = Weights(10.0, 1e-3)
+NAIVE = Tuning(10.0, 1e-3)
 """R = 10/1: the noise of the data and nothing for what else is wrong."""
-INFLATED = Weights(50.0, 3e-3)
+INFLATED = Tuning(50.0, 3e-3)
 """R = 50/3, the recommended default: it makes room for the bias."""
 
 

@@ -22,7 +22,7 @@ from geokalman.physics.satellite import (
     Dynamics, euler_transition_step, propagate_step, satellite_force, transition_step,
 )  # fmt: skip
 from geokalman.physics.timescales import iso_utc
-from geokalman.radioastron.data import INFLATED, LONGEST_GAP, Observations, Weights
+from geokalman.radioastron.data import INFLATED, LONGEST_GAP, Observations, Tuning
 from geokalman.radioastron.model import STATIONS, Array
 from geokalman.radioastron.twoway import observe_step, partials_step
 from geokalman.radioastron.visibility import check_passes
@@ -39,7 +39,7 @@ _ACCEPTED = 0.01  # change of a batch estimate, in units of its sigma, at which 
 
 
 @dataclass(frozen=True, eq=False)
-class Orbit:
+class StateEstimate:
     """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases and sigmas."""
 
     t: float
@@ -48,7 +48,7 @@ class Orbit:
     biases: Array
     bias_sigmas: Array
 
-    def at(self, world: Dynamics, t: float) -> Orbit:
+    def at(self, world: Dynamics, t: float) -> StateEstimate:
         """The same orbit at another time [s]."""
         if t == self.t:
             return self
@@ -57,24 +57,24 @@ class Orbit:
 
 
 @dataclass(frozen=True, eq=False)
-class Filtered:
+class Estimate:
     """A filter's course: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n, 2); orbit at the end."""
 
     t: Array
     mean: Array
     cov: Array
     innovations: Array
-    orbit: Orbit
+    orbit: StateEstimate
 
 
-def prior_orbit(data: Observations) -> Orbit:
+def prior_orbit(data: Observations) -> StateEstimate:
     """The a-priori state as an Orbit: what one has without tracking."""
     return _orbit(data.t[0], data.prior_mean.copy(), data.prior_cov.copy())
 
 
-def _orbit(t: float, x: Array, P: Array) -> Orbit:
+def _orbit(t: float, x: Array, P: Array) -> StateEstimate:
     """The Orbit of a state with its biases."""
-    return Orbit(float(t), x[:6], P[:6, :6], x[6:], np.sqrt(np.diag(P)[6:]))
+    return StateEstimate(float(t), x[:6], P[:6, :6], x[6:], np.sqrt(np.diag(P)[6:]))
 
 
 def links(stations: tuple[str, ...], station: NDArray[np.int64], column: Array | float = -1.0) -> Array:
@@ -83,7 +83,7 @@ def links(stations: tuple[str, ...], station: NDArray[np.int64], column: Array |
     return np.column_stack([itrs, np.broadcast_to(column, len(itrs))])
 
 
-def _start(data: Observations, world: Dynamics, weights: Weights) -> tuple[Gaussian, Array, Array]:
+def _start(data: Observations, world: Dynamics, weights: Tuning) -> tuple[Gaussian, Array, Array]:
     """A-priori state with its biases, observations (n, 2) and inputs (n, 4), checked."""
     if data.day != world.day:
         ours, theirs = (iso_utc(day, 0.0)[:10] for day in (data.day, world.day))
@@ -104,11 +104,11 @@ def _start(data: Observations, world: Dynamics, weights: Weights) -> tuple[Gauss
 def extended(
     data: Observations,
     world: Dynamics,
-    weights: Weights = INFLATED,
+    weights: Tuning = INFLATED,
     transition: Transition = "integrated",
     iterations: int = 1,
     process_noise: float = 0.0,
-) -> Filtered:
+) -> Estimate:
     """The extended Kalman filter of the paper, (18)-(23), with the state integrated and the innovation y - h(x).
 
     transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each
@@ -122,7 +122,7 @@ def extended(
     return _filtered(data, world, weights, motion, "extended", iterations=iterations)
 
 
-def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, kappa: float = 0.0) -> Filtered:
+def unscented(data: Observations, world: Dynamics, weights: Tuning = INFLATED, kappa: float = 0.0) -> Estimate:
     """The unscented filter on the same model: sigma points (alpha = 1, beta = 2) through orbit and observation.
 
     Raises NotPositiveDefinite with the epoch.
@@ -130,16 +130,16 @@ def unscented(data: Observations, world: Dynamics, weights: Weights = INFLATED, 
     return _filtered(data, world, weights, (*_TRANSITIONS["integrated"], 0.0), "unscented", kappa=kappa)
 
 
-def _filtered(data, world, weights, motion: tuple[float, float, float], kind: Kind, **options) -> Filtered:
+def _filtered(data, world, weights, motion: tuple[float, float, float], kind: Kind, **options) -> Estimate:
     prior, z, inputs = _start(data, world, weights)
     model = Model(f=_propagate, params=np.concatenate([world.params, motion]))
     R = np.diag([weights.sigma_range**2, weights.sigma_rate**2])
     course = run(prior, data.t, model, [Sensor(z, R, h=_observe, inputs=inputs, params=world.params)], kind, **options)
     end = _orbit(data.t[-1], course.mean[-1], course.cov[-1])
-    return Filtered(data.t, course.mean[:, :6], course.cov[:, :6, :6], course.whitened, end)
+    return Estimate(data.t, course.mean[:, :6], course.cov[:, :6, :6], course.whitened, end)
 
 
-def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, longest: int = 10) -> Orbit:
+def batch(data: Observations, world: Dynamics, weights: Tuning = INFLATED, longest: int = 10) -> StateEstimate:
     """Least squares over all measurements with the a-priori state, iterated: the smoother's state at t[0].
 
     Raises ArithmeticError where `longest` iterations do not settle.
@@ -166,14 +166,14 @@ def batch(data: Observations, world: Dynamics, weights: Weights = INFLATED, long
     )
 
 
-def residuals(data: Observations, world: Dynamics, orbit: Orbit) -> Array:
+def residuals(data: Observations, world: Dynamics, orbit: StateEstimate) -> Array:
     """Measured minus computed range [m] and range-rate [m/s] along an estimated orbit (n, 2), biases not taken off."""
-    _, z, inputs = _start(data, world, Weights())
+    _, z, inputs = _start(data, world, Tuning())
     return z - linearise_step(data.t, orbit.at(world, float(data.t[0])).mean, inputs, world.params)[0]
 
 
 def without_outliers(
-    data: Observations, world: Dynamics, weights: Weights = INFLATED, gate: float = GATE
+    data: Observations, world: Dynamics, weights: Tuning = INFLATED, gate: float = GATE
 ) -> tuple[Observations, Array]:
     """Take out what lies beyond `gate` sigmas of a first fit to all data: the data, and a mask (n, 2) of what went.
 

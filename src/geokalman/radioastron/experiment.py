@@ -18,34 +18,34 @@ from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron import assess, estimate, formal
 from geokalman.radioastron.assess import Runs
 from geokalman.radioastron.correlator import Setup, scan_snr
-from geokalman.radioastron.data import INFLATED, NAIVE, Levels, Observations, Weights
+from geokalman.radioastron.data import INFLATED, NAIVE, Scenario, Observations, Tuning
 from geokalman.radioastron.model import Array, Session, find_stations, toward, world
 from geokalman.radioastron.simulate import Truth, draw
 
 
-class Estimator(NamedTuple):
+class Method(NamedTuple):
     """A way to an orbit: prior, batch, ukf or a name of `EXTENDED`; the weights; the process noise [m^2 s^-3]."""
 
     method: str
-    weights: Weights = INFLATED
+    weights: Tuning = INFLATED
     process_noise: float = 0.0
 
 
-STANDARD: dict[str, Estimator] = {
-    "prior": Estimator("prior"),
-    "ekf": Estimator("ekf", INFLATED),
-    "naive": Estimator("ekf", NAIVE),
+STANDARD: dict[str, Method] = {
+    "prior": Method("prior"),
+    "ekf": Method("ekf", INFLATED),
+    "naive": Method("ekf", NAIVE),
 }
 """What one station gives: nothing, the recommended filter, the naive one."""
-ALL: dict[str, Estimator] = STANDARD | {
-    "substeps": Estimator("ekf-substeps", NAIVE),
-    "single": Estimator("ekf-single", NAIVE),
-    "iterated": Estimator("iterated", NAIVE),
-    "ukf": Estimator("ukf", INFLATED),
-    "batch": Estimator("batch", NAIVE),
-    "batch-bias": Estimator("batch", Weights(10.0, 1e-3, True)),
-    "process-noise": Estimator("ekf", INFLATED, 1e-12),
-    "single-inflated": Estimator("ekf-single", INFLATED),
+ALL: dict[str, Method] = STANDARD | {
+    "substeps": Method("ekf-substeps", NAIVE),
+    "single": Method("ekf-single", NAIVE),
+    "iterated": Method("iterated", NAIVE),
+    "ukf": Method("ukf", INFLATED),
+    "batch": Method("batch", NAIVE),
+    "batch-bias": Method("batch", Tuning(10.0, 1e-3, True)),
+    "process-noise": Method("ekf", INFLATED, 1e-12),
+    "single-inflated": Method("ekf-single", INFLATED),
 }
 """The estimators that are compared."""
 
@@ -59,7 +59,7 @@ EXTENDED = {
 """Extended filters and what each gives to `estimate.extended`."""
 
 
-def run_estimator(how: Estimator, data: Observations, forces: Dynamics) -> estimate.Orbit:
+def run_estimator(how: Method, data: Observations, forces: Dynamics) -> estimate.StateEstimate:
     """The orbit that an estimator finds. Raises ValueError for an unknown method."""
     if how.method == "prior":
         return estimate.prior_orbit(data)
@@ -74,7 +74,7 @@ def run_estimator(how: Estimator, data: Observations, forces: Dynamics) -> estim
 
 
 def _draws(
-    session: Session, levels: Levels, stations: tuple[str, ...], seed0: int, n_seeds: int
+    session: Session, levels: Scenario, stations: tuple[str, ...], seed0: int, n_seeds: int
 ) -> Iterator[tuple[Truth, Observations]]:
     names, forces = find_stations(stations, session), world(session)
     for seed in progress.track(range(seed0, seed0 + n_seeds), "runs"):
@@ -83,12 +83,12 @@ def _draws(
 
 def standard(
     session: Session,
-    levels: Levels,
+    levels: Scenario,
     seed0: int,
     n_seeds: int,
     stations: tuple[str, ...] = (),
     source: str = "",
-    estimators: Mapping[str, Estimator] | None = None,
+    estimators: Mapping[str, Method] | None = None,
     prior_scale: float = 1.0,
 ) -> dict[str, Runs]:
     """Errors of the `STANDARD` or other estimators at mid-observation, at the scans and at the end of tracking.
@@ -121,8 +121,8 @@ def signal_to_noise(setup: Setup, runs: Runs, seed0: int) -> Array:
 
 def large_sample(
     session: Session,
-    levels: Levels,
-    weights: Weights,
+    levels: Scenario,
+    weights: Tuning,
     stations: tuple[str, ...] = (),
     source: str = "",
     draws: int = 4000,
@@ -137,8 +137,8 @@ def large_sample(
 
 def correction_history(
     session: Session,
-    levels: Levels,
-    how: Estimator,
+    levels: Scenario,
+    how: Method,
     seed0: int,
     n_seeds: int,
     times: Array,

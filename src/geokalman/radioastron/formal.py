@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 
 from geokalman.constants import C_LIGHT
 from geokalman.physics.satellite import Dynamics
-from geokalman.radioastron.data import Levels, Weights
+from geokalman.radioastron.data import Scenario, Tuning
 from geokalman.radioastron.estimate import linearise_step, links
 from geokalman.radioastron.model import STATIONS, Array, Session, find_stations, nominal_state, toward
 from geokalman.radioastron.model import world as world_of
@@ -86,7 +86,7 @@ def _inverse(N: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LinearEstimate:
     """Gain and covariances of the linear estimate of the state at t[0].
 
     gain (6, n, 2): estimate = gain . residuals; prior_gain (6, 6): what of an a-priori error stays; own (6, 6): the
@@ -99,7 +99,7 @@ class Solution:
     consider: Array
 
 
-def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
+def solve(g: Geometry, levels: Scenario, weights: Tuning) -> LinearEstimate:
     """Weigh a session's measurements as an estimator does, and say what that is worth under the true levels.
 
     With estimate_bias one pair of biases per station and pass joins the unknowns, and biases of the data are no
@@ -115,16 +115,16 @@ def solve(g: Geometry, levels: Levels, weights: Weights) -> Solution:
     P = _inverse(prior + np.einsum("kip,i,kiq->pq", A, w, A))
     gain = np.einsum("pq,kiq,i->pki", P, A, w)[:6]
     prior_gain = (P @ prior)[:6, :6]
-    true = np.array([levels.sigma_range**2, levels.sigma_rate**2])
-    consider = prior_gain @ levels.prior_cov @ prior_gain.T + np.einsum("pki,i,qki->pq", gain, true, gain)
+    variance_true = np.array([levels.sigma_range**2, levels.sigma_rate**2])
+    consider = prior_gain @ levels.prior_cov @ prior_gain.T + np.einsum("pki,i,qki->pq", gain, variance_true, gain)
     if levels.bias != "none":
         G = bias_design(g, levels.bias == "per-pass")
         K = np.einsum("pki,kib->pb", gain, G)
         consider += (K * _bias_sigmas(levels, G) ** 2) @ K.T
-    return Solution(gain, prior_gain, P[:6, :6], consider)
+    return LinearEstimate(gain, prior_gain, P[:6, :6], consider)
 
 
-def _bias_sigmas(levels: Levels, G: Array) -> Array:
+def _bias_sigmas(levels: Scenario, G: Array) -> Array:
     """Sigmas (k,) of the biases of a design G (n, 2, k)."""
     return np.tile([levels.bias_range, levels.bias_rate], G.shape[2] // 2)
 
@@ -146,7 +146,7 @@ class Evaluation(NamedTuple):
 
 
 def evaluate(
-    session: Session, levels: Levels, weights: Weights, stations: tuple[str, ...] = (), source: str = ""
+    session: Session, levels: Scenario, weights: Tuning, stations: tuple[str, ...] = (), source: str = ""
 ) -> Evaluation:
     """One row of the table of formal sigmas; stations: none is the session's own; source as in `model.find_source`."""
     g = linearise(session, world_of(session), find_stations(stations, session))
@@ -186,7 +186,7 @@ class Sample(NamedTuple):
     post: Array
 
 
-def large_sample(g: Geometry, levels: Levels, weights: Weights, rng: np.random.Generator, draws: int = 4000) -> Sample:
+def large_sample(g: Geometry, levels: Scenario, weights: Tuning, rng: np.random.Generator, draws: int = 4000) -> Sample:
     """Errors of the linear estimate over many draws of everything that `simulate.draw` draws."""
     solution, session = solve(g, levels, weights), g.session
     forces, middle_forces = _force_effects(g)

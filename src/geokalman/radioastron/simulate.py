@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.satellite import Dynamics, satellite_force
-from geokalman.radioastron.data import Levels, Observations
+from geokalman.radioastron.data import Scenario, Observations
 from geokalman.radioastron.model import STATIONS, Array, Session, nominal_state
 from geokalman.radioastron.twoway import observe_step
 from geokalman.radioastron.visibility import check_passes
@@ -82,7 +82,7 @@ def isotropic(rng: np.random.Generator) -> Array:
 
 
 def draw(
-    session: Session, world: Dynamics, levels: Levels, stations: tuple[str, ...], rng: np.random.Generator
+    session: Session, world: Dynamics, levels: Scenario, stations: tuple[str, ...], rng: np.random.Generator
 ) -> tuple[Truth, Observations]:
     """One realisation of a session: the truth, and the data that an estimator may see.
 

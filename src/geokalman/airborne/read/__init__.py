@@ -27,7 +27,7 @@ SURVEYS = {"kauring": "kauring_2012.xz", "eastvic": "eastvic_repeats.xyz.xz"}
 
 
 @dataclass(frozen=True)
-class Flight:
+class SurveyLine:
     """A flight line (or a piece between gaps): what the filter takes, where it was flown, what others made of it.
 
     line : for the filter; lon, lat [degrees], easting, northing, height [m] : (n,); references : name -> (n,) [mGal].
@@ -73,12 +73,12 @@ class Survey:
     probably aliased, for a larger R.
     """
 
-    flights: tuple[Flight, ...]
+    flights: tuple[SurveyLine, ...]
     refused: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     aliased: tuple[str, ...] = ()
 
-    def __getitem__(self, name: str | int | float) -> Flight:
+    def __getitem__(self, name: str | int | float) -> SurveyLine:
         """One whole line by its number, or a piece by its name. Raises UnknownLine with the lines there are."""
         found = self.pieces(name)
         wanted = _wanted(name)
@@ -89,7 +89,7 @@ class Survey:
             )
         return found[0]
 
-    def pieces(self, name: str | int | float) -> tuple[Flight, ...]:
+    def pieces(self, name: str | int | float) -> tuple[SurveyLine, ...]:
         """A line by its number: itself, or its pieces where it was cut. Raises UnknownLine with the lines there are."""
         wanted = _wanted(name)
         found = tuple(f for f in self.flights if f.name == wanted or f.whole == wanted)
@@ -100,7 +100,7 @@ class Survey:
             )
         return found
 
-    def select(self, names: Sequence[str | int | float]) -> tuple[Flight, ...]:
+    def select(self, names: Sequence[str | int | float]) -> tuple[SurveyLine, ...]:
         """Lines by their numbers, in the order asked for; a line that was cut gives its pieces.
 
         Raises UnknownLine, ValueError for no line or one that is asked for twice.
@@ -192,7 +192,7 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
     notes += doubled
     checks.middles(channels, blocks)
     times_flown = Counter(_label(labels[rows[0]]) for rows in blocks)
-    flights: list[Flight] = []
+    flights: list[SurveyLine] = []
     refused: list[str] = []
     swapped: list[str] = []
     aliased: list[str] = []
@@ -292,7 +292,7 @@ def _blocks(table: Table, labels: Array, channels: Mapping[str, Array]) -> tuple
     return kept, notes
 
 
-def _flight(name: str, c: Table, references: Table, layout: Layout) -> Flight:
+def _flight(name: str, c: Table, references: Table, layout: Layout) -> SurveyLine:
     n = len(c["t"])
     dt = (c["t"][-1] - c["t"][0]) / (n - 1)
     raw = c["raw"] if "raw" in c else c["f3"] - c["a_up"] if "a_up" in c else c["f3"]
@@ -309,10 +309,10 @@ def _flight(name: str, c: Table, references: Table, layout: Layout) -> Flight:
     first, second = step_integrals(np.column_stack([f1, f2, c["f3"]]), dt)
     V = np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() / ((n - 1) * dt)
     line = Line(name, dt * np.arange(n) + c["t"][0], z, c["f3"], first, second, float(V))
-    return Flight(line, c["lon"], c["lat"], c["easting"], c["northing"], c["height"], references)
+    return SurveyLine(line, c["lon"], c["lat"], c["easting"], c["northing"], c["height"], references)
 
 
-def _without(flight: Flight, key: str) -> Flight:
+def _without(flight: SurveyLine, key: str) -> SurveyLine:
     return replace(flight, references={k: v for k, v in flight.references.items() if k != key})
 
 

@@ -104,8 +104,13 @@ class Layout:
         dimension |= {column: _DIMENSION.get(ours, "acceleration") for ours, column in self.columns.items()}
         usual = {"acceleration": IN_MGAL[self.acceleration]}
         out, odd = {}, []
-        unknown = [f"{column} in {unit}" for column in dimension if not _known(unit := table.units.get(column, ""))
-                   and dimension[column] != "none" and unit.strip(" ()[]-").lower() not in _NO_UNIT]
+        unknown = [
+            f"{column} in {unit}"
+            for column in dimension
+            if not _known(unit := table.units.get(column, ""))
+            and dimension[column] != "none"
+            and unit.strip(" ()[]-").lower() not in _NO_UNIT
+        ]
         for column, what in dimension.items():
             out[column] = IN_METRES[self.height] if column == self.columns["height"] else usual.get(what, 1.0)
             found = _known(table.units.get(column, ""))

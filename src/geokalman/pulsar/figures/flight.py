@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator, ScalarFormatter
 
 from geokalman.pulsar.model import Array
-from geokalman.style import METHODS, Method, ink
+from geokalman.style import METHODS, MethodStyle, ink
 
 STYLES = {
     "ekf": "ekf", "aekf1_prw": "aekf1", "aekf1_pr3": "aekf1", "aekf1_pr2": "aekf1", "aekf2": "aekf2", "raekf": "raekf",
@@ -33,7 +33,7 @@ _WORDS = (
 )  # fmt: skip
 
 
-def _style(name: str) -> Method:
+def _style(name: str) -> MethodStyle:
     """Give the style of a filter by its name, or of a label by the filter that it names."""
     named = STYLES.get(name) or next((style for word, style in _WORDS if word in name), "neutral")
     return METHODS[named]
