@@ -6,6 +6,7 @@ import doctest
 import importlib
 import inspect
 import pkgutil
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -34,3 +35,11 @@ def test_every_public_function_has_one():
 def test_the_complete_example_is_short():
     lines = [line for line in kalman.__doc__.splitlines() if line.lstrip().startswith((">>>", "..."))]
     assert 15 < len(lines) <= 40
+
+
+def test_the_readme_shows_it() -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    shown = readme.partition("```pycon\n")[2].partition("```")[0]
+    assert [e.source for e in doctest.DocTestParser().get_examples(shown)] == [
+        e.source for e in doctest.DocTestParser().get_examples(kalman.__doc__)
+    ]
