@@ -1,5 +1,6 @@
 """numba's compilation cache after a fault: what is damaged is compiled anew, and the numbers stay the same."""
 
+import ast
 import importlib
 import itertools
 import os
@@ -200,6 +201,26 @@ def test_every_compiled_function_is_kept_here(path):
     kept = [f._cache._impl.locator for f in ours if hasattr(f._cache, "_impl")]
     assert all(isinstance(locator, compilation.Locator) for locator in kept)
     assert {locator.get_source_stamp() for locator in kept} <= {compilation.stamp(path)}
+
+
+def fast_math(source: str) -> list[int]:
+    """Lines that let the compiler change the arithmetic."""
+    return [
+        node.value.lineno
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.keyword) and node.arg == "fastmath"
+    ]
+
+
+@pytest.mark.parametrize("path", COMPILED, ids=lambda path: path.stem)
+def test_no_compiled_function_has_an_arithmetic_of_its_own(path):
+    """What the compiler contracts depends on what it inlines, and so on what was in the cache: numbers would have a
+    history."""
+    assert fast_math(path.read_text(encoding="utf-8")) == []
+
+
+def test_the_guard_of_the_arithmetic_bites():
+    assert fast_math("x = 1\n@njit(cache=True, fastmath={'contract'})\ndef f(): pass") == [2]
 
 
 def test_only_the_latest_earlier_sources_stay(tmp_path, monkeypatch):

@@ -73,7 +73,7 @@ def pack_gradient(field: GravityField, n_max: int | None = None) -> np.ndarray:
     return np.concatenate([header, *beta, np.stack(columns, axis=1).ravel()])
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def gradient_point(r, params, out):
     """Gradient tensor of a packed field at one Earth-fixed point r (3,) [m], written to out (3, 3) [s^-2]."""
     gm, radius, n_max = params[0], params[1], int(params[2])

@@ -113,7 +113,7 @@ def checked_points(r: np.ndarray, radius: float) -> np.ndarray:
     return points
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def acceleration_point(r, params, out):
     """Acceleration of a packed field at one Earth-fixed point r (3,) [m], written to out (3,) [m s^-2].
 
@@ -171,7 +171,7 @@ def acceleration_point(r, params, out):
     out[2] = g * (q * hz - z * hw - z * c00)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def potential_point(r, params):
     """Potential of a packed field at one Earth-fixed point r (3,) [m], in m^2 s^-2."""
     gm, radius, n_max, c00 = params[0], params[1], int(params[2]), params[3]

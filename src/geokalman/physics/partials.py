@@ -76,7 +76,7 @@ def row_table(n_max: int) -> np.ndarray:
     return table.ravel()
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def _prepare(r, e, gm, radius, n_max, width, c, s):
     """Fill c, s (3 W,): factors of p, n p and dp/dZ in the partials at r, order by order; returns Z and Q."""
     f = radius / (r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
@@ -95,7 +95,7 @@ def _prepare(r, e, gm, radius, n_max, width, c, s):
     return z, q
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def _next_degree(n, z, q, p, above, here, table):
     """Overwrite the monic functions of degree n-2 at p[here:] by those of degree n; p[above:] holds degree n-1.
 
@@ -111,7 +111,7 @@ def _next_degree(n, z, q, p, above, here, table):
     p[here + n] = 1.0
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def _add_degree(n, first, p, here, table, width, f, row, at):
     """Add the partials of degree n and orders first..n to row[at:]; f (3 W,) are the factors that `_prepare` found."""
     factor = (n + 1) * width

@@ -247,14 +247,14 @@ def _legendre(n_max: int, t: Array, u: Array, out: Array) -> None:
         power *= u
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def _advance(a: float, b: float, t: Array, q2: Array, before: Array, now: Array) -> None:
     """One step of the recursion at all latitudes; the new value replaces the one before."""
     for i in range(t.size):
         before[i] = a * t[i] * now[i] - b * q2[i] * before[i]
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True)
 def _add(c: float, s: float, p: Array, sum_c: Array, sum_s: Array) -> None:
     for i in range(p.size):
         sum_c[i] += c * p[i]
