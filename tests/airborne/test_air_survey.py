@@ -1,5 +1,6 @@
 """Faults of a survey itself, whatever its file: refused in one sentence, or repaired."""
 
+import re
 import warnings
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 from surveyfiles import cut
 
 from geokalman.airborne import experiment, read
-from geokalman.airborne.read import checks
+from geokalman.airborne.read import checks, quality
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
@@ -235,6 +236,28 @@ def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
     assert np.abs(loose.series("fb")[0] - experiment.real(found.flights, plain).series("fb")[0]).max() > 1.0
     stiff = [experiment.real(found.flights, replace(plain, R_m=0.3), aliased=names) for names in ((), found.aliased)]
     np.testing.assert_array_equal(stiff[0].series("fb")[0], stiff[1].series("fb")[0])  # what is larger stays
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1])
+def test_a_noisy_height_is_not_taken_for_an_aliased_specific_force(table, noise):
+    table["GPSZ"] = table["GPSZ"] + noise * np.random.default_rng(3).standard_normal(888)
+    with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines .104000. the height has white noise") as said:
+        found = survey(table, KAURING)
+    assert quality.height_correlation(found[104000].line.f3, found[104000].height) < quality.FOLLOWS
+    assert found.aliased == ()
+    told = float(re.search(r"noise of up to ([\d.]+) m", str(said[0].message))[1])
+    assert told == pytest.approx(noise, rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_vibration_that_is_sampled_too_slowly_is_aliased_under_a_noisy_height_too(table, noise):
+    """A vibration of 20 000 mGal at 8.25 Hz, seen twice a second: eight samples are a turn."""
+    rng = np.random.default_rng(4)
+    shaken = 2.0e4 * np.sin(2 * np.pi * 8.25 * 0.5 * np.arange(888))
+    table["FZ"], table["GRVRAW"] = table["FZ"] + shaken, table["GRVRAW"] + shaken
+    table["GPSZ"] = table["GPSZ"] + noise * rng.standard_normal(888)
+    with pytest.warns(checks.SuspiciousData, match="probably aliased"):
+        assert survey(table, KAURING).aliased == ("104000",)
 
 
 @pytest.mark.parametrize(

@@ -196,6 +196,7 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
     refused: list[str] = []
     swapped: list[str] = []
     aliased: list[str] = []
+    noisy: dict[str, float] = {}
     used: Counter[str] = Counter()
     for rows in blocks:
         name = _label(labels[rows[0]])
@@ -224,8 +225,13 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
                 refused.append(f"line {label} lasts {lasts:.1f} s, at least {shortest:g} s are needed")
                 continue
             quality.agree(label, part, others, layout)
-            if quality.height_correlation(part["f3"], part["height"]) < checks.ALIASED:
-                aliased.append(label)
+            follows = quality.height_correlation(part["f3"], part["height"])
+            if follows < quality.FOLLOWS and len(part["t"]) >= quality.ENOUGH:
+                short, long = quality.height_noise(part["f3"], part["height"], lasts / (len(part["t"]) - 1))
+                if long > np.sqrt(quality.EXCESS) * short:
+                    aliased.append(label)
+                else:
+                    noisy[label] = short
             kept = {key: values for key, values in others.items() if key in layout.references}
             flights.append(_flight(label, part, kept, layout))
     notes += [f"line {name} was flown {n} times, its flights carry letters" for name, n in times_flown.items() if n > 1]
@@ -242,7 +248,12 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
         notes.append(
             f"on {len(aliased)} of {len(flights)} lines "
             f"({_some(aliased)}) the specific force follows the height with a "
-            f"correlation below {checks.ALIASED}: it is probably aliased, so give the height a larger R"
+            f"correlation below {quality.FOLLOWS}: it is probably aliased, so give the height a larger R"
+        )
+    if noisy:
+        notes.append(
+            f"on {len(noisy)} of {len(flights)} lines ({_some(list(noisy))}) the height has white noise of up to "
+            f"{max(noisy.values()):.2g} m; the filter's R (R_m) should be that"
         )
     if notes:
         warnings.warn("; ".join(notes) + ".", checks.SuspiciousData, stacklevel=3)

@@ -17,8 +17,6 @@ from geokalman.reading import InputError
 DAY = 86400.0
 SLOWEST, FASTEST = 20.0, 150.0
 """Speeds [m/s] outside of which positions or times must be wrong."""
-ALIASED = 0.95
-"""Below this correlation of f3' with the second difference of the height, f3' is aliased at this rate."""
 ROW, FILE_ROW = "row of the data", "row of the file"
 """Columns that carry each epoch's row for messages: of the data (the first is 1), and of the file where it is text."""
 ROWS = (ROW, FILE_ROW)
