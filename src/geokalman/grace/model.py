@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from geokalman import memory
 from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.discretise import white_jerk
-from geokalman.physics.field import EARTH, require_body
+from geokalman.physics.field import EARTH
 from geokalman.physics.harmonics import GravityField, load_field
 
 Array = NDArray[np.float64]
@@ -149,7 +149,7 @@ class Scenario:
 
     def gravity(self) -> GravityField:
         """The field that is flown, truncated at `n_max`; raises ValueError for one that is not the Earth's."""
-        return require_body(load_field(self.field or "EGM96", self.n_max), EARTH)
+        return load_field(self.field or "EGM96", self.n_max, EARTH)
 
 
 def default_step(integrator: str, dt: float) -> float:

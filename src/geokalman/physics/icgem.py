@@ -11,6 +11,7 @@ import datetime
 import gzip
 import math
 import os
+import re
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from geokalman.physics.field import BODIES, Array, GravityField
+from geokalman.physics.field import BODIES, Array, Body, GravityField, misfit
 from geokalman.physics.icgem_epoch import TIME_COLUMNS, Term, at_epoch, instant, term
 from geokalman.physics.icgem_header import GfcError, Header, read_header
 from geokalman.reading import Place, lines
@@ -30,6 +31,7 @@ GEOCENTRE = 0.1
 _UNNORMALISED_LIMIT = 150  # above, (2n)! leaves the range of float64
 _DENSITIES = (100.0, 50e3)  # kg/m^3; Saturn has 687, the Earth 5514, and a reference radius need not be the mean one
 _PLANETS = (*(b.gm for b in BODIES), 2.2032e13, 3.24859e14, 1.26687e17, 3.7931e16, 5.794e15, 6.8365e15)  # m^3/s^2
+_BROKEN_EXPONENT = re.compile(r"[\d.][eEdD]?[+-]$|[\d.][eEdD]$")
 _COLUMNS = 7  # of the table of coefficients: line, degree, order, C, S and their standard deviations
 
 
@@ -37,7 +39,9 @@ class GfcWarning(UserWarning):
     """Something in a `.gfc` file is left out; the message says what."""
 
 
-def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> GravityField:
+def read_gfc(
+    path: str | os.PathLike, epoch: datetime.date | None = None, body: Body | None = None
+) -> GravityField:
     """Read a gravity field model in ICGEM format, plain or compressed.
 
     Time-variable coefficients (`gfct`) are taken at their reference epoch t0, without trend and periodic terms; with
@@ -52,6 +56,7 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     ----------
     path : path of the file (`.gfc`; gzip, xz and bzip2 are told by the first bytes).
     epoch : date at which a time-variable field is wanted; without a time zone in UTC.
+    body : whose field it must be; None for that of any planet or moon.
 
     Returns
     -------
@@ -63,10 +68,10 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
         No such file.
     GfcError
         One sentence with file, line, value and what would be right: a damaged file, a keyword that is unknown, a
-        coefficient that is missing or doubled, values that no planet or moon has.
+        coefficient that is missing or doubled, values that no planet or moon has, or those of another than `body`.
     """
     path, time = Path(path), instant(epoch)
-    stream = lines(path, "gravity field", GfcError)
+    stream = lines(path, "gravity field", GfcError, keep_ends=True)
     head = read_header(path, stream)
     rows, terms = _read_rows(head, stream)
     for nm, group in terms.items():
@@ -84,7 +89,13 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     if head.unnormalised:
         factor = _normalisation(path, head.n_max)
         C, S, sigma = C / factor, S / factor, None if sigma is None else sigma / factor
-    _require_physical(head, C, S, lambda n_, m_: Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError))
+
+    def place(n_: int, m_: int) -> Place:
+        return Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError)
+
+    _require_physical(head, C, S, place)
+    if body is not None and (found := misfit(head.gm, head.radius, C[2, 0], body)):
+        raise head.places.get(found.what, place(2, 0)).error(found.sentence)
     _leave_out_degree_one(path, head.radius, C, S)
     try:
         return GravityField(
@@ -135,10 +146,17 @@ def _read_rows(
     """The static coefficients as rows of a table, and the terms of the time-variable ones."""
     rows = array.array("d")
     terms: dict[tuple[int, int], list[Term]] = {}
+    shortest, fewest = 0, 0
     for place, line in stream:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
+        length = len(line.rstrip())
+        if not line.endswith("\n") and (
+            length < shortest or len(words) < fewest or _BROKEN_EXPONENT.search(words[-1])
+        ):
+            raise place.error(f"the file ends within this line, after '{words[-1]}': it is truncated; fetch it again.")
+        shortest, fewest = min(shortest or length, length), min(fewest or len(words), len(words))
         key, n, m, numbers, times = _split_row(words, head, place)
         if key == "gfc":
             _append(rows, place, (n, m), (numbers[0], numbers[1], numbers[2:]))
@@ -196,8 +214,9 @@ def _require_complete(path: Path, n_max: int, n: Array, m: Array, line: Array) -
         gaps = [int(k) for k in np.setdiff1d(np.arange(3, known.size + 8), known)[: min(missing, 5)]]
         degrees = [(math.isqrt(8 * k + 1) - 1) // 2 for k in gaps]
         listed = ", ".join(str((n, k - n * (n + 1) // 2)) for n, k in zip(degrees, gaps, strict=True))
+        are = "coefficient is" if missing == 1 else "coefficients are"
         raise GfcError(
-            f"{path}: {missing} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}"
+            f"{path}: {missing} {are} missing up to its max_degree {n_max}, (degree, order) = {listed}"
             f"{', ...' if missing > 5 else ''}; the file is truncated or its max_degree is wrong."
         )
 
