@@ -190,7 +190,7 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
     channels = {key: values * factors[sources[key]] for key, values in raw.items()}
     blocks, doubled = _blocks(table, labels, channels)
     notes += doubled
-    checks.middles(channels, blocks)
+    checks.middles(channels, blocks, [_label(labels[rows[0]]) for rows in blocks])
     times_flown = Counter(_label(labels[rows[0]]) for rows in blocks)
     flights: list[Flight] = []
     refused: list[str] = []
@@ -273,6 +273,7 @@ def _clean(
     checks.unit(name, columns, factor)
     checks.wild(name, columns, references, layout)
     columns, turned = checks.places(f"Line {name}", columns)
+    checks.signs(name, columns)
     checks.speed(name, columns)
     cut, why = checks.pieces(name, columns, references)
     parts = [tuple({k: v[piece] for k, v in table.items()} for table in (columns, references)) for piece in cut]
