@@ -60,7 +60,9 @@ def test_claims_before_a_build_say_that_nothing_is_computed(toy, geokalman, word
 def test_claims_after_half_a_build_say_how_many_are_missing(built, tmp_path, geokalman):
     root = shutil.copytree(built, tmp_path / "clone")
     (root / "book/_build/metrics/toy/02-constant.json").unlink()
-    assert geokalman(root, "claims").stderr == "1 of 2 claims are not computed yet; make book computes what is missing.\n"
+    assert (
+        geokalman(root, "claims").stderr == "1 of 2 claims are not computed yet; make book computes what is missing.\n"
+    )
     assert geokalman(built, "claims").stderr == ""
 
 

@@ -108,8 +108,8 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"rows": ROWS[:3]}, r"1 coefficient is missing up to its max_degree 2, \(degree, order\) = \(2, 2\)"),
-        ({"rows": []}, r"3 coefficients are missing .* = \(2, 0\), \(2, 1\), \(2, 2\); the file is truncated"),
+        ({"rows": ROWS[:3]}, r"max_degree 2 the file lacks 1 coefficient, \(degree, order\) = \(2, 2\)"),
+        ({"rows": []}, r"lacks 3 coefficients, .* = \(2, 0\), \(2, 1\), \(2, 2\); it is truncated"),
         ({"rows": [*ROWS, ROWS[2]]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
         ({"rows": [*ROWS, "gfct 2 1 0 0 20050101"]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
         ({"rows": [*ROWS[:3], "gfc 2 2 2.4e-6"]}, "line 14: 4 columns where 5 are needed .* truncated"),
@@ -135,9 +135,9 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
         ({"max_degree": "two"}, "line 6: max_degree 'two' is not a number"),
         ({"max_degree": "2.5"}, "line 6: max_degree = 2.5 must be an integer"),
         ({"radius": "-1"}, "line 5: radius = -1 must be positive"),
-        ({"norm": "schmidt"}, "line 8: norm 'schmidt' is unknown; known are fully_normalized, unnormalized"),
-        ({"errors": "many"}, "line 7: errors 'many' is unknown; known are no, calibrated, formal"),
-        ({"product_type": "topography"}, "line 2: product_type 'topography' is unknown"),
+        ({"norm": "schmidt"}, "line 8: norm 'schmidt' is unknown; it must be one of fully_normalized, unnormalized"),
+        ({"errors": "many"}, "line 7: errors 'many' is unknown; it must be one of no, calibrated, formal"),
+        ({"product_type": "topography"}, "line 2: product_type 'topography' is unknown; it must be gravity_field"),
     ],
 )
 def test_one_sentence_for_each_way_to_be_wrong(tmp_path, changes, says):
@@ -209,7 +209,9 @@ def test_a_file_that_ends_within_its_last_line_is_truncated(tmp_path, cut, last)
     """Also where what is left of the number is a number."""
     path = gfc(tmp_path, FIXED)
     path.write_bytes(path.read_bytes().rstrip(b"\n")[:-cut])
-    with pytest.raises(GfcError, match=f"toy.gfc, line 13: the file ends within this line, after '{last}': it is trunc"):
+    with pytest.raises(
+        GfcError, match=f"toy.gfc, line 13: the file ends within this line, after '{last}': it is trunc"
+    ):
         read_gfc(path)
 
 

@@ -49,14 +49,14 @@ def test_prose_before_a_header_without_its_begin(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"format": "icgem99.0"}, "format 'icgem99.0' is unknown; known are icgem1.0, icgem2.0"),
+        ({"format": "icgem99.0"}, "format 'icgem99.0' is unknown; it must be one of icgem1.0, icgem2.0"),
         ({"radius": "6378136.3 ft"}, "line 5: radius = 6378136.3 has the unknown unit 'ft'"),
         ({"before": "begin_of_head\nradius\n"}, "line 2: radius has no value"),
         ({"before": "radius 6378137.0\n"}, "line 5: radius = 0.63.* stands otherwise in line 1; one is right"),
         ({"gravity_constant": "6.67e-11"}, "line 10: gravity_constant = 6.67e-11 stands otherwise in line 4"),
         ({"before": "begin_of_head\n", "norm": "schmidt semi"}, "line 8: norm 'schmidt' is unknown"),
         ({"max_degree": "1000000000"}, "max_degree = 1000000000 must be an integer of at least 2 and at most"),
-        ({"max_degree": "60000"}, "1800089995 coefficients are missing up to its max_degree 60000"),
+        ({"max_degree": "60000"}, "up to its max_degree 60000 the file lacks 1800089995 coefficients"),
         ({"before": "prose\nerrors of it\n", "errors": "of it"}, "line 8: errors 'of' is unknown"),
         ({"radius": "6378,1363"}, "radius '6378,1363' is not a number; the decimal mark is a point"),
     ],

@@ -88,7 +88,7 @@ def test_the_same_pulsar_in_other_words(par_file, text):
         (GOOD + "P0 6.5957\n", "line 7: P0 = 6.5957 contradicts F0 = 6.5957"),
         (GOOD + "ELONG 244.9\nELAT -39.4\n", "line 7: ELONG and ELAT contradict RAJ and DECJ on line 2"),
         (GOOD + "ELONG 243.8\n", "the parameter ELAT is missing"),
-        (GOOD + "ECL IERS1066\n", "line 7: ECL IERS1066 is unknown; known are IERS2010"),
+        (GOOD + "ECL IERS1066\n", "line 7: ECL IERS1066 is unknown; it must be one of IERS2010"),
         (changed(("F0 6.5957", "F0 6,5957")), "line 4: F0 '6,5957' is not a number; the decimal mark"),
         (changed(("F0 6.5957", "F0 nan")), "line 4: F0 'nan' is not finite"),
         (changed(("F0 6.5957", "F0 0")), "F0 = 0 is not between 1e-05 and 2000"),

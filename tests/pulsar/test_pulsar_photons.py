@@ -149,5 +149,7 @@ def test_a_date_outside_the_vendored_years_with_an_ephemeris_of_ones_own(rxte):
     ours, theirs = photons.barycentred(moved, n, None, ephemeris=own), photons.barycentred(events, n, None)
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7)
     stay = replace(orbit, jd=orbit.jd + 8000.0)
-    power = [photons.orbit_scale(e, n, o, NEAR, [1.0], eph) for e, o, eph in ((moved, stay, own), (events, orbit, None))]
+    power = [
+        photons.orbit_scale(e, n, o, NEAR, [1.0], eph) for e, o, eph in ((moved, stay, own), (events, orbit, None))
+    ]
     assert power[0] == pytest.approx(power[1], rel=1e-6)

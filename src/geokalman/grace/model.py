@@ -82,9 +82,10 @@ class Scenario:
         radius = self.gravity().radius
         perigee = self.a * (1 - self.e) - radius
         if perigee < LOWEST_PERIGEE:
+            where = f"{abs(perigee) / 1e3:.1f} km {'below' if perigee < 0 else 'above'} the reference radius"
             raise ValueError(
-                f"a_km = {self.a / 1e3:g} with e = {self.e:g} has its perigee {perigee / 1e3:.1f} km above the reference "
-                f"radius {radius / 1e3:.1f} km and meets the Earth or its atmosphere; give a perigee above {LOWEST_PERIGEE / 1e3:g} km."
+                f"a_km = {self.a / 1e3:g} with e = {self.e:g}: the orbit meets the "
+                f"{'Earth' if perigee < 0 else 'atmosphere'}, its perigee is {where} {radius / 1e3:.1f} km; give one at least {LOWEST_PERIGEE / 1e3:g} km above it."
             )
         if self.tau <= 0:
             raise ValueError(f"tau_s = {self.tau:g} s does not separate the satellites; give a positive time.")

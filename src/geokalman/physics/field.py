@@ -22,7 +22,7 @@ class GravityField:
 
     V(r, phi, lambda) = GM/r sum_n (R/r)^n sum_m (C_nm cos m lambda + S_nm sin m lambda) P_nm(sin phi)
 
-    Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass stands in GM) and degree 1 is zero (the
+    Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass is in GM) and degree 1 is zero (the
     origin is the centre of mass). A field that says otherwise is refused.
 
     Parameters
@@ -75,7 +75,7 @@ class GravityField:
         if np.any(self.S[:, 0]):
             raise ValueError(f"{self.name}: S[n, 0] must be zero, S[{np.flatnonzero(self.S[:, 0])[0]}, 0] is not.")
         if self.C[0, 0] != 1.0:
-            raise ValueError(f"{self.name}: C[0, 0] = {self.C[0, 0]} must be 1: the mass of the body stands in GM.")
+            raise ValueError(f"{self.name}: C[0, 0] = {self.C[0, 0]} must be 1: the mass of the body is in GM.")
         if self.C[1, 0] or self.C[1, 1] or self.S[1, 1]:
             raise ValueError(
                 f"{self.name}: degree 1 (C10 = {self.C[1, 0]}, C11 = {self.C[1, 1]}, S11 = {self.S[1, 1]}) must be "

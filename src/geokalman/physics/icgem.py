@@ -22,7 +22,7 @@ import numpy as np
 from geokalman.physics.field import BODIES, Array, Body, GravityField, misfit
 from geokalman.physics.icgem_epoch import TIME_COLUMNS, Term, at_epoch, instant, term
 from geokalman.physics.icgem_header import GfcError, Header, read_header
-from geokalman.reading import Place, lines
+from geokalman.reading import Place, counted, lines
 
 __all__ = ["GfcError", "GfcWarning", "read_gfc", "write_gfc"]
 
@@ -39,9 +39,7 @@ class GfcWarning(UserWarning):
     """Something in a `.gfc` file is left out; the message says what."""
 
 
-def read_gfc(
-    path: str | os.PathLike, epoch: datetime.date | None = None, body: Body | None = None
-) -> GravityField:
+def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None, body: Body | None = None) -> GravityField:
     """Read a gravity field model in ICGEM format, plain or compressed.
 
     Time-variable coefficients (`gfct`) are taken at their reference epoch t0, without trend and periodic terms; with
@@ -54,7 +52,7 @@ def read_gfc(
 
     Parameters
     ----------
-    path : path of the file (`.gfc`; gzip, xz and bzip2 are told by the first bytes).
+    path : path of the file (`.gfc`; gzip, xz and bzip2 are recognised by the first bytes).
     epoch : date at which a time-variable field is wanted; without a time zone in UTC.
     body : whose field it must be; None for that of any planet or moon.
 
@@ -152,9 +150,7 @@ def _read_rows(
         if not words or words[0].startswith("#"):
             continue
         length = len(line.rstrip())
-        if not line.endswith("\n") and (
-            length < shortest or len(words) < fewest or _BROKEN_EXPONENT.search(words[-1])
-        ):
+        if not line.endswith("\n") and (length < shortest or len(words) < fewest or _BROKEN_EXPONENT.search(words[-1])):
             raise place.error(f"the file ends within this line, after '{words[-1]}': it is truncated; fetch it again.")
         shortest, fewest = min(shortest or length, length), min(fewest or len(words), len(words))
         key, n, m, numbers, times = _split_row(words, head, place)
@@ -184,10 +180,11 @@ def _split_row(words: list[str], head: Header, place: Place) -> tuple[str, int, 
     needed = 5 + errors + n_times
     columns = f"(key, degree, order, C, S, {errors} errors, {n_times} of time)"
     if len(words) < needed:
-        raise place.error(f"{len(words)} columns where {needed} are needed {columns}; is the file truncated?")
+        found = counted(len(words), "column")
+        raise place.error(f"{found} where {needed} are needed {columns}; is the file truncated?")
     if key != "gfc" and len(words) > needed and words[needed][0].isdigit():
         cure = "" if head.version else "; with two dates the header says 'format icgem2.0'"
-        raise place.error(f"{len(words)} columns where {needed} are right {columns}{cure}.")
+        raise place.error(f"{counted(len(words), 'column')} where {needed} are right {columns}{cure}.")
     try:
         n, m = int(words[1]), int(words[2])
     except ValueError:
@@ -214,10 +211,9 @@ def _require_complete(path: Path, n_max: int, n: Array, m: Array, line: Array) -
         gaps = [int(k) for k in np.setdiff1d(np.arange(3, known.size + 8), known)[: min(missing, 5)]]
         degrees = [(math.isqrt(8 * k + 1) - 1) // 2 for k in gaps]
         listed = ", ".join(str((n, k - n * (n + 1) // 2)) for n, k in zip(degrees, gaps, strict=True))
-        are = "coefficient is" if missing == 1 else "coefficients are"
         raise GfcError(
-            f"{path}: {missing} {are} missing up to its max_degree {n_max}, (degree, order) = {listed}"
-            f"{', ...' if missing > 5 else ''}; the file is truncated or its max_degree is wrong."
+            f"{path}: up to its max_degree {n_max} the file lacks {counted(missing, 'coefficient')}, "
+            f"(degree, order) = {listed}{', ...' if missing > 5 else ''}; it is truncated or its max_degree is wrong."
         )
 
 

@@ -173,7 +173,7 @@ def par_direction(par: Par, mjd: float | None = None) -> Array:
         raise par.places["EQUINOX"].error(f"EQUINOX {par['EQUINOX']}: a position of J2000 is needed.")
     ecl = par.get("ECL", "").upper()
     if ecl not in _OBLIQUITY:
-        raise par.places["ECL"].error(f"ECL {ecl} is unknown; known are {', '.join(filter(None, _OBLIQUITY))}.")
+        raise par.places["ECL"].error(f"ECL {ecl} is unknown; it must be one of {', '.join(filter(None, _OBLIQUITY))}.")
     tilt = np.radians(_OBLIQUITY[ecl] / 3600.0)
     poles = {"RAJ": np.array([0.0, 0.0, 1.0]), "ELONG": np.array([0.0, -np.sin(tilt), np.cos(tilt)])}
     found = []

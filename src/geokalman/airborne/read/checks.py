@@ -12,7 +12,7 @@ from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import IN_MGAL, Layout
 from geokalman.airborne.model import Array
 from geokalman.constants import A_EARTH
-from geokalman.reading import InputError
+from geokalman.reading import InputError, counted
 
 DAY = 86400.0
 SLOWEST, FASTEST = 20.0, 150.0
@@ -113,12 +113,12 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table, list
     timed = np.isfinite(c["t"])
     if not timed.all():
         c, references = _take(c, timed), _take(references, timed)
-        notes.append(f"{int((~timed).sum())} rows of line {name} have no time and are left out")
+        notes.append(f"{counted(int((~timed).sum()), 'row')} of line {name} without a time left out")
     if np.median(np.diff(c["t"])) < 0:
         if (c["t"] < 0).all():
             raise InputError(f"Line {name}: all times are negative and fall from {c['t'][0]:.10g} s; count upward.")
         c, references = _take(c, slice(None, None, -1)), _take(references, slice(None, None, -1))
-        notes.append(f"line {name} stands in the reverse order of time and is turned")
+        notes.append(f"line {name} is in the reverse order of time and is turned")
     t = c["t"].copy()
     dt = float(np.median(np.diff(t)))
     inner = (np.abs(t[2:] - t[:-2] - 2 * dt) < 0.5 * dt) & ((t[1:-1] < t[:-2]) | (t[1:-1] > t[2:]))
@@ -127,7 +127,7 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table, list
         k = int(spikes[0])
         cure = _SPIKE
         if len(spikes) > 1 and np.allclose(np.sort(t[spikes]), np.sort(t[spikes - 1] + dt), rtol=0, atol=0.25 * dt):
-            cure = "rows are not in the order of time, sort them"  # the times that are missed stand in other rows
+            cure = "rows are not in the order of time, sort them"  # the times that are missed are in other rows
         raise InputError(
             f"Line {name}: the time is {t[k]:.10g} s{at(references, k)} between {t[k - 1]:.10g} and {t[k + 1]:.10g} s; "
             f"{cure}."
@@ -229,9 +229,7 @@ def _refuse(
     why = f"{gap[k]:.3g} {limit.unit} away from its neighbours"
     if gap[k] <= allowed:
         why = f"beyond {limit.least:g} to {limit.most:g}"
-    raise InputError(
-        f"Line {name}: {key} is {y[k]:g} {limit.unit}{rows[k]}, {why}; {_SPIKE}."
-    )
+    raise InputError(f"Line {name}: {key} is {y[k]:g} {limit.unit}{rows[k]}, {why}; {_SPIKE}.")
 
 
 def _limit(key: str, layout: Layout) -> Limit:
@@ -283,7 +281,8 @@ def signs(name: str, c: Table) -> None:
         if good.sum() < 10 or np.ptp(along) < 2.0 * np.ptp(across):
             continue
         track = np.vander(along / scale, 3)
-        left = [v - track @ np.linalg.lstsq(track, v)[0] for v in (across / scale, np.unwrap(c[key][good], period=360.0))]
+        turned = np.unwrap(c[key][good], period=360.0)
+        left = [v - track @ np.linalg.lstsq(track, v)[0] for v in (across / scale, turned)]
         degrees = np.degrees(scale / A_EARTH) / (1.0 if key == "lat" else np.cos(np.radians(np.mean(c["lat"][good]))))
         wander = float(left[0] @ left[0])
         if wander > 0.0 and -1.2 < left[0] @ left[1] / (wander * degrees) < -0.8:
