@@ -49,7 +49,7 @@ portable: env ## compute in all settings of this machine and widen the stored sp
 	@$(BIN)/geokalman portable $(NB)
 
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
-	@test -n "$(NB)" || { echo 'Name a notebook, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; $(BIN)/geokalman list; exit 2; }
+	@test -n "$(NB)" || { $(BIN)/geokalman list; echo 'Name one of these notebooks, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; exit 2; }
 	@$(BIN)/geokalman run $(NB) $(P) $(if $(QUICK),--quick) $(if $(OUT),--out "$(OUT)")
 
 notebooks: env ## plain .ipynb twins of the notebooks, for Jupyter and papermill

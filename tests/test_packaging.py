@@ -252,7 +252,8 @@ def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
         )
 
     refused = make("run")
-    assert refused.returncode == 2 and "Name a notebook, as in: make run NB=" in refused.stdout
+    told = "Name one of these notebooks, as in: make run NB="
+    assert refused.returncode == 2 and refused.stdout.splitlines()[-1].startswith(told)
     assert make("run", "NB=grace-fusion/04-ukf", "P=days=5 mu=3", "QUICK=1", "OUT=/tmp/a b").stdout == (
         "called: run grace-fusion/04-ukf days=5 mu=3 --quick --out /tmp/a b\n"
     )

@@ -55,9 +55,9 @@ def list_() -> None:
 @app.command()
 def params(notebook: str, as_json: AsJson = False) -> None:
     """The parameters of a notebook: type, default, quick value, range, unit, help."""
-    from execbook import display, parameters
+    from execbook import display, notebooks, parameters
 
-    spec = parameters.load(root(), notebook)
+    spec = parameters.load(root(), notebooks.name_of(root(), notebook))
     if as_json:
         rows = [
             {"type": p.type, "range": p.range, "unit": p.unit, "default": p.default, "help": p.help}
@@ -71,7 +71,7 @@ def params(notebook: str, as_json: AsJson = False) -> None:
         rows.append([p.name, p.type, repr(p.default), quick, p.range, "" if p.is_path else p.unit, p.help])
     print(display.plain_table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
     example = " ".join(shlex.quote(f"{k}={v}") for k, v in list(spec.quick.items())[:1])
-    print(f"\nas in: {project.read(root()).command} run {notebook} {example}".rstrip())
+    print(f"\nas in: {project.read(root()).command} run {spec.notebook} {example}".rstrip())
 
 
 @app.command()
@@ -87,10 +87,11 @@ def run(
     ] = 1,
 ) -> None:
     """Run a notebook with other parameters; the folder of the run is the last line printed."""
-    from execbook import execute, parameters, runfolder
+    from execbook import execute, notebooks, parameters, runfolder
     from execbook.progress import Display
 
     here = root()
+    notebook = notebooks.name_of(here, notebook)
     given = parameters.load(here, notebook).parse(assignments or [], Path.cwd())
     folder = runfolder.chosen(out if out is not None else execute.default_out(here, notebook, given, quick), here)
     runfolder.refuse_foreign(folder)
@@ -119,12 +120,16 @@ def claims(
         found = [entry for p in wanted for entry in verdicts.as_json(here, p)]
         print(json.dumps(found, indent=1, ensure_ascii=False))
         return
-    for name in wanted:
-        judgements = claims.judge_paper(here, name)
+    judged = {name: claims.judge_paper(here, name) for name in wanted}
+    for name, judgements in judged.items():
         print(f"{contents.title(here, name + '/index')}\n")
         for judgement in judgements:
             if judgement.is_near or not near:
                 _print_claim(judgement)
+    verdicts = [j.verdict for judgements in judged.values() for j in judgements if j.claim.metrics]
+    if missing := verdicts.count(None):
+        what = "Nothing has been" if missing == len(verdicts) else f"{missing} of {len(verdicts)} claims are not"
+        sys.stderr.write(f"{what} computed yet; make book computes what is missing.\n")
 
 
 def _print_claim(judgement) -> None:
@@ -184,7 +189,7 @@ def compare(
     left = compare.resolve(here, run, Path.cwd())
     folder = runfolder.chosen(out, here) if out is not None else left
     found = compare.compare(here, left, compare.resolve(here, other, Path.cwd()) if other else None)
-    print(f"left:  {found.left}\nright: {found.right}")
+    print("\n".join(filter(None, [found.note, f"left:  {found.left}", f"right: {found.right}"])))
     for name, a, b in found.parameters:
         print(f"  {name}: {a!r} | {b!r}")
     print(compare.table(found, "plain"))
@@ -218,9 +223,10 @@ def reference(
     quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
 ) -> None:
     """Renew the stored references from the book's runs and from runs in other computing settings; show what moved."""
-    from execbook import renewal
+    from execbook import notebooks, renewal
 
-    print(f"{renewal.renew(root(), reason, notebook or None, quick)} numbers moved or are new")
+    named = [notebooks.name_of(root(), word) for word in notebook or []]
+    print(f"{renewal.renew(root(), reason, named or None, quick)} numbers moved or are new")
 
 
 @app.command()
@@ -229,9 +235,10 @@ def portable(
     quick: Annotated[bool, typer.Option(help="At the quick scale too.")] = True,
 ) -> None:
     """Compute notebooks in every setting of this machine and widen the stored spreads to what is seen."""
-    from execbook import renewal
+    from execbook import notebooks, renewal
 
-    print(f"{renewal.widen(root(), notebook or None, quick)} numbers beyond their tolerance so far")
+    named = [notebooks.name_of(root(), word) for word in notebook or []]
+    print(f"{renewal.widen(root(), named or None, quick)} numbers beyond their tolerance so far")
 
 
 @app.command()

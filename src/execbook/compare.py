@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from execbook import atomic, claims, display, graph, notebooks, overlay, reference, runfolder
+from execbook import atomic, claims, display, graph, notebooks, overlay, parameters, reference, runfolder
 from execbook.errors import Fault, Misuse, shown
 
 HEADER = ("name", "left", "right", "left − right", "relative", "unit")
@@ -21,7 +21,7 @@ body {{ font: 15px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem aut
 td, th {{ padding: .15rem .8rem .15rem 0 }} img {{ max-width: 100% }}
 </style></head><body><main>
 <h1>Two runs compared</h1>
-<p>left: <code>{left}</code><br>right: <code>{right}</code></p>
+{note}<p>left: <code>{left}</code><br>right: <code>{right}</code></p>
 <h2>Parameters that differ (left | right)</h2><ul>{changed}</ul>
 <h2>Numbers</h2>
 {numbers}
@@ -44,13 +44,26 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Names of both sides, parameters that differ (name, left, right), the numbers, and the figures that both have."""
+    """Names of both sides, parameters that differ (name, left, right), the numbers, and the figures that both have.
+
+    scales : of the left and the right side: paper, quick or custom.
+    """
 
     left: str
     right: str
     parameters: list[tuple[str, Any, Any]]
     rows: list[Row]
     figures: list[str]
+    scales: tuple[str, str] = ("paper", "paper")
+
+    @property
+    def note(self) -> str:
+        """One sentence where both sides were not computed with the same parameters, else nothing."""
+        if not self.parameters:
+            return ""
+        names, (left, right) = ", ".join(name for name, _, _ in self.parameters), self.scales
+        sides = f"left is at {left} scale and right is at {right} scale"
+        return f"The numbers are expected to differ, because the parameters do ({names}; {sides})."
 
 
 def resolve(root: Path, word: str, base: Path) -> Path:
@@ -61,6 +74,7 @@ def resolve(root: Path, word: str, base: Path) -> Path:
             return folder
     except (OSError, RuntimeError, ValueError):  # longer than a path may be, or a loop of links
         pass
+    word = notebooks.name_of(root, word)
     if word in notebooks.names(root):
         folder = graph.run_folder(root, word)
         if (folder / "provenance.json").is_file():
@@ -79,14 +93,16 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
         if quick or not (books / "provenance.json").is_file():
             mode = "quick" if quick else "paper"
             stored = {k: e for k, e in reference.load(root, name, mode)[0].items() if "value" in e}
-            return Comparison(str(left), f"reference ({mode})", [], _rows(metrics, stored), [])
+            specification = parameters.load(root, name)
+            theirs = specification.defaults | (specification.quick if quick else {})
+            changed, scales = _changed(told["parameters"], theirs), (told["mode"], mode)
+            return Comparison(str(left), f"reference ({mode})", changed, _rows(metrics, stored), [], scales)
         right = books
     other_told, others, other_arrays = runfolder.read(right)
     if other_told["notebook"] != name:
         other = other_told["notebook"]
         raise Misuse(f"{left} is a run of {name}, {right} one of {other}; two runs of one notebook compare.")
-    mine, theirs = told["parameters"], other_told["parameters"]
-    changed = [(k, mine.get(k), theirs.get(k)) for k in {**mine, **theirs} if mine.get(k) != theirs.get(k)]
+    changed, scales = _changed(told["parameters"], other_told["parameters"]), (told["mode"], other_told["mode"])
     rows = _rows(metrics, others)
     for key in sorted(arrays.keys() & other_arrays.keys()):
         a, b = (side[key].astype(complex if side[key].dtype.kind == "c" else float) for side in (arrays, other_arrays))
@@ -95,7 +111,11 @@ def compare(root: Path, left: Path, right: Path | None) -> Comparison:
             what = f"{key} (array: rms, largest difference)"
             rows.append(Row(what, told["arrays"][key]["unit"], _rms(a), _rms(b), worst, _ratio(worst, largest)))
     figures = [{p.stem for p in run.glob("figures/*.csv")} for run in (left, right)]
-    return Comparison(str(left), str(right), changed, rows, sorted(figures[0] & figures[1]))
+    return Comparison(str(left), str(right), changed, rows, sorted(figures[0] & figures[1]), scales)
+
+
+def _changed(mine: dict[str, Any], theirs: dict[str, Any]) -> list[tuple[str, Any, Any]]:
+    return [(k, mine.get(k), theirs.get(k)) for k in {**mine, **theirs} if mine.get(k) != theirs.get(k)]
 
 
 def _rms(a: np.ndarray) -> float:
@@ -141,6 +161,7 @@ def write_page(comparison: Comparison, folder: Path) -> Path:
     figures = "\n".join(_figure(comparison, name) for name in comparison.figures)
     page = folder / runfolder.PAGE
     text = _PAGE.format(
+        note=f"<p><strong>{html.escape(comparison.note)}</strong></p>\n" if comparison.note else "",
         left=html.escape(comparison.left),
         right=html.escape(comparison.right),
         changed=changed or "<li>none</li>",

@@ -71,7 +71,7 @@ def run(
     threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
     setting   computing setting, by name
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
-    replace   remove whatever stands in `out`: the folder is the book's own
+    replace   remove whatever stands in `out`: the folder belongs to the book
     Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
     """
@@ -145,7 +145,7 @@ def _lock_of(root: Path, out: Path) -> Path:
 
 
 def notes(folder: Path) -> list[str]:
-    """List what the machinery had to say about a run, such as a damaged result made anew."""
+    """List what the machinery had to say about a run, such as a damaged result computed again."""
     return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
 
 
@@ -198,7 +198,7 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
             return str(talk / "s")
 
         async def start_kernel(self, **kwargs: Any) -> None:
-            # The environment goes in here, since what stands in a specification has its $NAME replaced.
+            # The environment goes in here, since $NAME in a specification is replaced.
             await super().start_kernel(env=environment, **kwargs)
             ended.enter_context(children.guarded(self.provisioner.pid))
 

@@ -1,7 +1,8 @@
 """The build of the book: notebooks whose inputs changed are executed, two at a time, then the pages are made.
 
 What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of
-every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed and made anew.
+every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed
+and computed again.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ _ENGINE = (
 )  # fmt: skip
 _RECORD = ".made.json"
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_SHOWN = 40  # warnings in the message; all of them stand in the log
+_SHOWN = 40  # warnings in the message; all of them are in the log
 
 
 class BookError(Fault):

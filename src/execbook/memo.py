@@ -46,7 +46,7 @@ class Memo:
         module = getattr(function, "__module__", "")
         if not self._is_known(module):
             name = getattr(function, "__name__", function)
-            raise Fault(f"{name} stands in {module or 'no module'}; only functions of {self.package} can be kept.")
+            raise Fault(f"{name} belongs to {module or 'no module'}; only functions of {self.package} can be kept.")
 
         @functools.wraps(function)
         def kept(*args: Any, **kwargs: Any) -> T:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
+import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +36,13 @@ def source_path(root: Path, name: str) -> Path:
     near = near or [known for known in known if name in known]
     hint = f"did you mean {' or '.join(near[:3])}?" if near else "the command list names them."
     raise Misuse(f"{shown(repr(name), 100)} is no notebook of the book in {root}; {hint}")
+
+
+def name_of(root: Path, word: str) -> str:
+    """Give the name of a notebook whose source stands at the path `word`; any other word is given back."""
+    listed = {str(source_path(root, name)): name for name in names(root)}
+    places = (os.path.abspath(os.path.join(base, word)) for base in (os.getcwd(), root))
+    return next((listed[place] for place in places if place in listed), word)
 
 
 def _pages(root: Path) -> dict[str, Path]:

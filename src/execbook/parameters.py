@@ -206,7 +206,7 @@ def _parse_value(text: str, parameter: Parameter) -> Any:
             return text
         why = str(error).removeprefix("line 1: ")
         name = parameter.name
-        raise Misuse(f"{name}={shown(text)} is no YAML value ({why}); {name} must be {parameter.wanted}.") from error
+        raise Misuse(f"{name}={shown(text)} is not a YAML value ({why}); {name} must be {parameter.wanted}.") from error
     if parameter.optional and (value is None or value == "None"):
         return None
     return text if is_text and not isinstance(value, str) else value

@@ -56,7 +56,7 @@ class Notebook:
     """The record of one run of the notebook `<paper>/<name>`, whose namespace is `globals()`.
 
     It checks every parameter found in the namespace, however the notebook was started, and puts the checked value
-    back. Nothing stands in the run folder before `finish`. Raises Misuse for an unknown parameter or a wrong value.
+    back. The run folder is empty before `finish`. Raises Misuse for an unknown parameter or a wrong value.
     """
 
     def __init__(self, name: str, namespace: dict[str, Any]) -> None:

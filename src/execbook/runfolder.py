@@ -113,7 +113,7 @@ def refuse_foreign(folder: Path) -> None:
 
 
 def _run_files(folder: Path) -> set[str]:
-    """Name all that may stand in a run folder, by its own provenance."""
+    """Name all that may be in a run folder, by its own provenance."""
     try:
         told = json.loads((folder / _PROVENANCE).read_text(encoding="utf-8"))
         figures, tables = ([str(name) for name in told.get(kind, ())] for kind in ("figures", "tables"))

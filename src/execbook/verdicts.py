@@ -78,7 +78,8 @@ def readme_with_block(root: Path) -> str:
     """
     open_claims = _not_computed(root)
     if open_claims:
-        raise Misuse(f"{open_claims} claims are not computed; make book computes them, then renew the README's verdicts.")
+        what = "1 claim is" if open_claims == 1 else f"{open_claims} claims are"
+        raise Misuse(f"{what} not computed yet: call make book, then renew the README's verdicts.")
     text = (root / "README.md").read_text(encoding="utf-8")
     if not _BLOCK.search(text):
         raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->; write them where they stood.")

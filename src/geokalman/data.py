@@ -14,7 +14,7 @@ class CorruptedData(OSError):
 
 
 def _root() -> Path:
-    """Find the clone with the data: upward from the working directory, else the one that this package stands in."""
+    """Find the clone with the data: upward from the working directory, else the one that holds this package."""
     here = Path.cwd()
     for folder in (here, *here.parents, Path(__file__).resolve().parents[2]):
         if all((folder / name).is_file() for name in _CLONE):

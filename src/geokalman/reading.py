@@ -1,7 +1,7 @@
 """Opening a user's file and parsing its numbers: what all readers of the package share.
 
-Compression is told by the first bytes, never by the name. Text may be UTF-8 (with or without byte order mark), UTF-16
-with one, or Latin-1. Nothing is trusted: not the length of a line, nor what a packed file unpacks to.
+Compression is recognised by the first bytes, never by the name. Text may be UTF-8 (with or without byte order mark),
+UTF-16 with one, or Latin-1. Nothing is trusted: not the length of a line, nor what a packed file unpacks to.
 """
 
 from __future__ import annotations
@@ -51,6 +51,11 @@ FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 
 class InputError(ValueError):
     """A file that cannot be used as it is: one sentence with the file, the line or field, the value, and the cure."""
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things in words: 1 line, 2 lines."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 class Place(NamedTuple):

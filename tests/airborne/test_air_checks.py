@@ -76,7 +76,7 @@ def test_a_reference_that_is_null_all_along_is_none(whole):
     rows = np.isin(whole["LINE"], [104000, 104100])
     two = {name: values[rows].copy() for name, values in whole.items()}
     two["GND_FA"][two["LINE"] == 104000] = -99999.0
-    with pytest.warns(checks.SuspiciousData, match=r"ground is null or one value in all rows of 1 lines \(104000\)"):
+    with pytest.warns(checks.SuspiciousData, match=r"ground is null or one value in all rows of 1 line \(104000\)"):
         found = read.survey(two, KAURING)
     assert "ground" not in found[104000].references and "ground" in found[104100].references
     with pytest.raises(ValueError, match="The lines 104000 have no ground, against which this page judges; leave them"):
@@ -194,14 +194,68 @@ def test_a_longitude_that_passes_180_degrees_is_no_spike(table, kauring):
 def test_a_wild_time_is_named_and_not_taken_for_disorder(table, value):
     table["UTC"][300] = value
     with pytest.raises(
-        InputError, match="the time is .* s at row 301 of the data between .* a spike, or a null in other"
+        InputError, match="the time is .* s at row 301 of the data between .* a spike, or a null that is not marked"
+    ):
+        read.survey(table, KAURING)
+
+
+@pytest.mark.parametrize("pair", [(300, 301), (300, 302), (300, 340), (10, 800)])
+def test_rows_that_are_swapped_are_out_of_order_and_no_spikes(table, pair):
+    order = np.arange(888)
+    order[list(pair)] = pair[::-1]
+    with pytest.raises(
+        InputError, match=r"at row \d+ of the data.*sort them|not in the order of time.*sort them"
+    ) as said:
+        read.survey({name: values[order] for name, values in table.items()}, KAURING)
+    assert "spike" not in str(said.value) and "rows are not in the order of time" in str(said.value)
+
+
+def east(whole, *more):
+    """A line of the survey that runs east, with others, to be spoilt."""
+    rows = np.isin(whole["LINE"], [10100, *more])
+    return {name: values[rows].copy() for name, values in whole.items()}
+
+
+@pytest.mark.parametrize("more", [[], [10200, 10300], [104000, 104100]])
+def test_a_line_to_the_east_with_the_wrong_sign_of_latitude_is_named(whole, more):
+    table = east(whole, *more)
+    assert len(read.survey(table, KAURING).flights) == 1 + len(more)
+    table["LAT"] = np.where(table["LINE"] == 10100, -table["LAT"], table["LAT"])
+    said = (
+        "that of the other lines with the other sign" if more else "falls where the map coordinate grows; its sign is"
+    )
+    with pytest.raises(InputError, match=rf"Line 10100: latitude 31.99\d\d (is )?{said}"):
+        read.survey(table, KAURING)
+
+
+def test_a_line_that_is_flown_again_with_the_wrong_sign_is_named(whole):
+    """Both middles stand at the same place on the map."""
+    table = east(whole)
+    again = {name: values.copy() for name, values in table.items()}
+    again["LINE"] += 1.0
+    again["LAT"] = -again["LAT"]
+    both = {name: np.concatenate([values, again[name]]) for name, values in table.items()}
+    with pytest.raises(InputError, match="Line 1010[01]: latitude -?31.99.. is that of the other lines with the other"):
+        read.survey(both, KAURING)
+
+
+def test_a_longitude_of_the_wrong_sign_on_lines_to_the_north(table):
+    table["LON"] = -table["LON"]
+    with pytest.raises(InputError, match=r"Line 104000: longitude -117.0\d\d\d falls where the map coordinate grows"):
+        read.survey(table, KAURING)
+
+
+def test_a_latitude_of_the_wrong_sign_on_a_line_to_the_north(table):
+    table["LAT"] = -table["LAT"]
+    with pytest.raises(
+        InputError, match="do not move as easting and northing do, .* the sign of the latitude is the ot"
     ):
         read.survey(table, KAURING)
 
 
 def test_a_row_without_a_time_is_left_out_with_a_note(table):
     table["UTC"][300] = np.nan
-    with pytest.warns(checks.SuspiciousData, match="1 rows of line 104000 have no time and are left out"):
+    with pytest.warns(checks.SuspiciousData, match="1 row of line 104000 without a time left out"):
         assert [len(f.line.t) for f in read.survey(table, KAURING, 60.0).flights] == [300, 587]
 
 

@@ -89,8 +89,8 @@ def test_encodings_and_compression_are_told_by_the_content(encode, text, sound, 
 
 
 REFUSED = {
-    "a long row": (lambda t: t() + "1," * 18 + "1\n", "line 502: 19 values stand in this row; row 1 names 17 col"),
-    "a short row": (lambda t: t() + "1,2\n", r"own.csv, line 502: 2 values stand in this row; row 1 names 17 columns"),
+    "a long row": (lambda t: t() + "1," * 18 + "1\n", "line 502: this row has 19 values; row 1 names 17 col"),
+    "a short row": (lambda t: t() + "1,2\n", r"own.csv, line 502: this row has 2 values; row 1 names 17 columns"),
     "a short first row": (lambda t: "A,B,C\n1,2\n" + t(), "line 2: .* no row before it names its 2 columns; row 1 has 3"),
     "a word in the data": (lambda t: t(FZ=["fast", *[r.split(",")[8] for r in t().splitlines()[2:]]]),
                            r"own.csv, line 2: FZ is 'fast', which is no number"),

@@ -125,7 +125,7 @@ def test_xyz_with_comments_ties_dashes_and_nulls(tmp_path):
     with pytest.raises(InputError, match="c.xyz, line 2: .* no row before it names its 3 columns: a CSV needs"):
         tables.read_table(tmp_path / "c.xyz")
     (tmp_path / "d.xyz").write_text(XYZ.replace(" 951564.138\nTie", "\nTie").replace("957133.954", "957133.954 8"))
-    with pytest.raises(InputError, match=r"d.xyz, line 5: 6 values stand in this row; row 2 names 5 columns"):
+    with pytest.raises(InputError, match=r"d.xyz, line 5: this row has 6 values; row 2 names 5 columns"):
         tables.read_table(tmp_path / "d.xyz")
     (tmp_path / "e.xyz").write_text(XYZ.replace("957133.954", "fast"))
     with pytest.raises(InputError, match=r"e.xyz, line 5: FZ is 'fast', which is no number"):

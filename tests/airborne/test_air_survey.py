@@ -1,5 +1,6 @@
 """Faults of a survey itself, whatever its file: refused in one sentence, or repaired."""
 
+import re
 import warnings
 from dataclasses import replace
 
@@ -8,7 +9,7 @@ import pytest
 from surveyfiles import cut
 
 from geokalman.airborne import experiment, read
-from geokalman.airborne.read import checks
+from geokalman.airborne.read import checks, quality
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
@@ -17,7 +18,7 @@ from geokalman.reading import InputError
 
 def test_swapped_latitude_and_longitude_are_put_right(table, kauring):
     table["LON"], table["LAT"] = table["LAT"], table["LON"]
-    with pytest.warns(checks.SuspiciousData, match=r"longitude are swapped on 1 lines .104000.; put right"):
+    with pytest.warns(checks.SuspiciousData, match=r"longitude are swapped on 1 line .104000.; put right"):
         flight = survey(table, KAURING)[104000]
     np.testing.assert_array_equal(flight.lat, kauring[104000].lat)
     table["LON"] = table["LAT"] * 0 + 3.0
@@ -44,7 +45,7 @@ def test_the_contractors_definition_has_them_swapped(table):
         flight = survey({**table, **renamed}, KAURING_DAT)[104000]
     assert -32.2 < flight.lat[0] < -31.8
     renamed["LATITUDE"], renamed["LONGITUD"] = renamed["LONGITUD"], renamed["LATITUDE"]
-    with pytest.warns(checks.SuspiciousData, match="swapped on 1 lines"):  # should a later edition name them rightly
+    with pytest.warns(checks.SuspiciousData, match="swapped on 1 line"):  # should a later edition name them rightly
         again = survey({**table, **renamed}, KAURING_DAT)[104000]
     np.testing.assert_array_equal(again.lat, flight.lat)
 
@@ -103,7 +104,7 @@ def test_a_step_that_varies(table):
 
 
 def test_a_reversed_line_is_turned(table, kauring):
-    with pytest.warns(checks.SuspiciousData, match="line 104000 stands in the reverse order of time and is turned"):
+    with pytest.warns(checks.SuspiciousData, match="line 104000 is in the reverse order of time and is turned"):
         found = survey(cut(table, slice(None, None, -1)), KAURING)
     np.testing.assert_array_equal(found[104000].line.z, kauring[104000].line.z)
 
@@ -237,11 +238,37 @@ def test_aliased_specific_force_beside_a_kinematic_acceleration(table):
     np.testing.assert_array_equal(stiff[0].series("fb")[0], stiff[1].series("fb")[0])  # what is larger stays
 
 
+@pytest.mark.parametrize("noise", [0.03, 0.1])
+def test_a_noisy_height_is_not_taken_for_an_aliased_specific_force(table, noise):
+    table["GPSZ"] = table["GPSZ"] + noise * np.random.default_rng(3).standard_normal(888)
+    with pytest.warns(checks.SuspiciousData, match=r"on 1 of 1 lines .104000. the height has white noise") as said:
+        found = survey(table, KAURING)
+    assert quality.height_correlation(found[104000].line.f3, found[104000].height) < quality.FOLLOWS
+    assert found.aliased == ()
+    told = float(re.search(r"noise of up to ([\d.]+) m", str(said[0].message))[1])
+    assert told == pytest.approx(noise, rel=0.15)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03])
+def test_vibration_that_is_sampled_too_slowly_is_aliased_under_a_noisy_height_too(table, noise):
+    """A vibration of 20 000 mGal at 8.25 Hz, seen twice a second: eight samples are a turn."""
+    rng = np.random.default_rng(4)
+    shaken = 2.0e4 * np.sin(2 * np.pi * 8.25 * 0.5 * np.arange(888))
+    table["FZ"], table["GRVRAW"] = table["FZ"] + shaken, table["GRVRAW"] + shaken
+    table["GPSZ"] = table["GPSZ"] + noise * rng.standard_normal(888)
+    with pytest.warns(checks.SuspiciousData, match="probably aliased"):
+        assert survey(table, KAURING).aliased == ("104000",)
+
+
 @pytest.mark.parametrize(
     ("column", "value", "message"),
     [
         ("GPSZ", 98765.0, r"height is 98765 m at row 301 of the data, 9.84e\+04 m away from its neighbours"),
-        ("GPSZ", -12345678.0, "height is -1.23457e.07 m at row 301 of the data, .* a spike, or a null in other words"),
+        (
+            "GPSZ",
+            -12345678.0,
+            "height is -1.23457e.07 m at row 301 of the data, .* a spike, or a null that is not marked",
+        ),
         ("FZ", 9.8e6, "f3 is 9.8e.06 mGal at row 301"),
         ("EASTING", 0.0, "easting is 0 m at row 301"),
     ],
@@ -254,7 +281,7 @@ def test_one_wild_value_is_named(table, column, value, message):
 
 def test_a_run_of_unknown_nulls_is_named(table):
     table["GPSZ"][300:340] = -12345678.0
-    with pytest.raises(ValueError, match="a null in other words"):
+    with pytest.raises(ValueError, match="a null that is not marked as one"):
         survey(table, KAURING)
 
 
@@ -265,9 +292,9 @@ def test_rows_out_of_order(table):
 
 
 def test_selecting_a_line_twice_or_none(kauring):
-    with pytest.raises(ValueError, match="Line 104000 is asked for twice"):
+    with pytest.raises(ValueError, match="lines has line 104000 twice"):
         kauring.select([104000, 104100, 104000])
-    with pytest.raises(ValueError, match="No line is asked for; there are 10100"):
+    with pytest.raises(ValueError, match="lines is empty; there are 10100"):
         kauring.select([])
 
 

@@ -165,7 +165,7 @@ def test_a_bad_record_is_left_out_with_its_line(tmp_path, change, reason):
 def test_more_than_a_percent_of_bad_records_is_refused(tmp_path):
     path = written(tmp_path)
     k = edit(path, lambda body: ["x\n"] * 3 + body[3:])
-    with pytest.raises(Level1Error, match=rf"line {k + 1}: 1 columns.*3 of 200 records are bad"):
+    with pytest.raises(Level1Error, match=rf"line {k + 1}: 1 column, .*3 of 200 records are bad"):
         read(path)
 
 

@@ -162,7 +162,7 @@ def test_a_line_of_metadata_refuses_no_file(tmp_path, line):
 def test_a_line_that_was_passed_over_is_said(tmp_path):
     path = changed(attitude(tmp_path), "    platform", "    comment: a: b\n    platform")
     assert path.read_text().splitlines()[7] == "    comment: a: b"
-    with pytest.warns(Level1Warning, match="line 8 of the header is no YAML and was passed over: 'comment: a: b'"):
+    with pytest.warns(Level1Warning, match="line 8 of the header is not YAML and was passed over: 'comment: a: b'"):
         read(path)
 
 

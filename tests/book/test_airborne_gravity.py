@@ -135,7 +135,10 @@ def test_the_steady_states_are_callable(run_here, tmp_path):
 
 
 def test_a_line_that_the_file_does_not_hold(run_here, tmp_path):
-    with pytest.raises(read.UnknownLine, match="There is no line 7; there are 10100"):
+    with pytest.raises(
+        read.UnknownLine,
+        match=r"There is no line 7; there are 10100.*; choose lines of the file, as in lines=\[10100, 10200\]",
+    ):
         run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, lines=[7])
 
 

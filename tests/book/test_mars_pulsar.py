@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numba
 import pytest
+from spkfiles import write_spk
 
 from execbook.project import root as project_root
 from execbook import claims, parameters, reference
 from execbook.errors import Misuse
+from geokalman.physics.ephemeris import OutsideEphemeris, load_ephemeris
 
 PAPER = "mars-pulsar"
 ROOT = project_root(Path(__file__).parent)
@@ -94,6 +97,18 @@ def test_a_skipped_adaptation_is_told(run_here, tmp_path, capsys):
     given = {"pulsars": [1, 2], "filters": ["ekf", "aekf2"], "n_seeds": 1, "days": 1.0}
     run_here(PAPER, "05-table3", tmp_path / "two", quick=False, **given)
     assert "AEKF2: the adaptation was skipped in 100 % of the epochs" in capsys.readouterr().out
+
+
+def test_real_photons_take_an_ephemeris_of_ones_own(run, run_here, tmp_path):
+    segments = load_ephemeris().segments
+    own = write_spk(tmp_path / "own.bsp", [s for s in segments if s.target in (3, 399)])
+    ours, theirs = (reference.read_run(folder)[1] for folder in (
+        run_here(PAPER, "12-real-photons", tmp_path / "own", ephemeris=str(own)), run("12-real-photons"),
+    ))  # fmt: skip
+    assert {key: m["value"] for key, m in ours.items()} == pytest.approx({key: m["value"] for key, m in theirs.items()})
+    later = [replace(s, start=s.start + 8000 * 86400.0) for s in segments if s.target in (3, 399)]
+    with pytest.raises(OutsideEphemeris, match="outside later.bsp"):
+        run_here(PAPER, "12-real-photons", tmp_path / "later", ephemeris=str(write_spk(tmp_path / "later.bsp", later)))
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ def write_metrics(root, mean):
 
 
 def test_tables_and_readme(toy):
-    with pytest.raises(Misuse, match="claims are not computed; make book computes them"):
+    with pytest.raises(Misuse, match="claims are not computed yet: call make book, then"):
         verdicts.readme_with_block(toy)
     assert verdicts.readme_agrees(toy)  # nothing can differ yet
     write_metrics(toy, 49.0)

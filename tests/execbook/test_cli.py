@@ -1,6 +1,7 @@
 """The command line: what it prints, one sentence per mistake, and what it loads."""
 
 import json
+import shutil
 import subprocess
 import sys
 
@@ -47,6 +48,31 @@ def test_claims(built, geokalman):
         ("mean", "reproduced", "reproduced"),
         ("steeper", "reproduced", "reproduced"),
     ]
+
+
+@pytest.mark.parametrize("words", [["claims"], ["claims", "--near"], ["claims", "toy"]])
+def test_claims_before_a_build_say_that_nothing_is_computed(toy, geokalman, words):
+    done = geokalman(toy, *words)
+    assert done.returncode == 0
+    assert done.stderr == "Nothing has been computed yet; make book computes what is missing.\n"
+
+
+def test_claims_after_half_a_build_say_how_many_are_missing(built, tmp_path, geokalman):
+    root = shutil.copytree(built, tmp_path / "clone")
+    (root / "book/_build/metrics/toy/02-constant.json").unlink()
+    assert (
+        geokalman(root, "claims").stderr == "1 of 2 claims are not computed yet; make book computes what is missing.\n"
+    )
+    assert geokalman(built, "claims").stderr == ""
+
+
+@pytest.mark.parametrize("base, word", [(".", "book/toy/01-line.md"), ("book/toy", "01-line.md"), ("book", "toy/01-line.md"),
+                                        ("book/toy", "book/toy/01-line.md")])  # fmt: skip
+def test_a_path_of_a_notebook_is_as_good_as_its_name(built, geokalman, base, word):
+    assert geokalman(built / base, "params", word).stdout == geokalman(built, "params", "toy/01-line").stdout
+    for command in (["params", word], ["run", word, "slop=3"]):
+        assert "is no notebook" not in (done := geokalman(built / base, *command)).stderr
+    assert done.stderr.startswith("geokalman: slop is no parameter of toy/01-line ")
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,27 @@ def test_against_the_stored_reference_where_there_is_no_book(pair, tmp_path, geo
     shutil.rmtree(root / "book" / "_build")
     done = geokalman(root, "compare", "mine")
     assert done.returncode == 0 and "right: reference (paper)" in done.stdout and "53.90000" in done.stdout
+    assert "slope: 2.2 | 2.0" in done.stdout
+
+
+def test_other_parameters_are_told_at_the_top_of_output_and_page(pair, tmp_path, geokalman):
+    root = shutil.copytree(pair[0], tmp_path / "clone")
+    assert geokalman(root, "run", "toy/01-line", "--quick", "--out", "quick").returncode == 0
+    told = {
+        "mine": "The numbers are expected to differ, because the parameters do "
+        "(slope; left is at custom scale and right is at paper scale).",
+        "quick": "The numbers are expected to differ, because the parameters do "
+        "(n; left is at quick scale and right is at paper scale).",
+    }
+    for run, sentence in told.items():
+        done = geokalman(root, "compare", run, "toy/01-line")
+        assert done.stdout.splitlines()[0] == sentence
+        assert f"<h1>Two runs compared</h1>\n<p><strong>{sentence}" in (root / run / "compare.html").read_text()
+    same = geokalman(root, "compare", "toy/01-line", "toy/01-line", "--out", "same")
+    assert same.stdout.startswith("left:") and "<strong>" not in (root / "same" / "compare.html").read_text()
+    assert geokalman(root, "reference", "--reason", "x", "--no-quick").returncode == 0
+    shutil.rmtree(root / "book" / "_build")
+    assert geokalman(root, "compare", "mine").stdout.splitlines()[0] == told["mine"]
 
 
 def test_what_cannot_be_compared(pair, tmp_path):

@@ -162,7 +162,7 @@ def test_functions_of_a_notebook_are_refused(tmp_path):
         return 1
 
     local.__module__ = "__main__"
-    with pytest.raises(Fault, match="local stands in __main__; only functions of execbook can be kept"):
+    with pytest.raises(Fault, match="local belongs to __main__; only functions of execbook can be kept"):
         Memo(tmp_path, "execbook")(local)
 
 

@@ -108,8 +108,8 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"rows": ROWS[:3]}, r"1 coefficients up to its max_degree 2 are missing, \(degree, order\) = \(2, 2\)"),
-        ({"rows": []}, r"3 coefficients .* are missing, .* = \(2, 0\), \(2, 1\), \(2, 2\); the file is truncated"),
+        ({"rows": ROWS[:3]}, r"max_degree 2 the file lacks 1 coefficient, \(degree, order\) = \(2, 2\)"),
+        ({"rows": []}, r"lacks 3 coefficients, .* = \(2, 0\), \(2, 1\), \(2, 2\); it is truncated"),
         ({"rows": [*ROWS, ROWS[2]]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
         ({"rows": [*ROWS, "gfct 2 1 0 0 20050101"]}, r"line 15: coefficient \(2, 1\) occurs twice, first in line 13"),
         ({"rows": [*ROWS[:3], "gfc 2 2 2.4e-6"]}, "line 14: 4 columns where 5 are needed .* truncated"),
@@ -135,9 +135,9 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
         ({"max_degree": "two"}, "line 6: max_degree 'two' is not a number"),
         ({"max_degree": "2.5"}, "line 6: max_degree = 2.5 must be an integer"),
         ({"radius": "-1"}, "line 5: radius = -1 must be positive"),
-        ({"norm": "schmidt"}, "line 8: norm 'schmidt' is unknown; known are fully_normalized, unnormalized"),
-        ({"errors": "many"}, "line 7: errors 'many' is unknown; known are no, calibrated, formal"),
-        ({"product_type": "topography"}, "line 2: product_type 'topography' is unknown"),
+        ({"norm": "schmidt"}, "line 8: norm 'schmidt' is unknown; it must be one of fully_normalized, unnormalized"),
+        ({"errors": "many"}, "line 7: errors 'many' is unknown; it must be one of no, calibrated, formal"),
+        ({"product_type": "topography"}, "line 2: product_type 'topography' is unknown; it must be gravity_field"),
     ],
 )
 def test_one_sentence_for_each_way_to_be_wrong(tmp_path, changes, says):
@@ -194,6 +194,40 @@ def test_what_is_no_gfc_file(tmp_path, content, says):
 def test_rows_in_any_order_with_remarks_and_capitals(tmp_path):
     rows = ["# by order", ROWS[3].upper(), "", ROWS[1] + "  ", "#gfc 2 0 0 0", ROWS[2].replace(" ", "\t")]
     assert read_gfc(gfc(tmp_path, rows)) == read_gfc(gfc(tmp_path, name="sorted.gfc"))
+
+
+FIXED = [f"gfc {n:4d} {m:4d} {C: .6E} {S: .6E}" for n, m, C, S in
+         ((2, 0, -4.8e-4, 0.0), (2, 1, -1.8e-10, 1.2e-9), (2, 2, 2.439383e-6, -1.400274e-6))]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("cut", "last"),
+    [(1, "-1.400274E-0"), (2, "-1.400274E-"), (3, "-1.400274E"), (4, "-1.400274"), (6, "-1.4002"), (12, "-"),
+     (14, "2.439383E-06"), (20, "2.4393"), (29, "2")],
+)  # fmt: skip
+def test_a_file_that_ends_within_its_last_line_is_truncated(tmp_path, cut, last):
+    """Also where what is left of the number is a number."""
+    path = gfc(tmp_path, FIXED)
+    path.write_bytes(path.read_bytes().rstrip(b"\n")[:-cut])
+    with pytest.raises(
+        GfcError, match=f"toy.gfc, line 13: the file ends within this line, after '{last}': it is trunc"
+    ):
+        read_gfc(path)
+
+
+@pytest.mark.parametrize("rows", [FIXED, ROWS])
+def test_a_whole_last_line_needs_no_end(tmp_path, rows):
+    path = gfc(tmp_path, rows)
+    field = read_gfc(path)
+    path.write_bytes(path.read_bytes().rstrip(b"\n"))
+    assert read_gfc(path) == field
+
+
+def test_an_exponent_that_is_broken_off_is_told_in_a_free_format(tmp_path):
+    path = gfc(tmp_path, [*ROWS[:3], "gfc 2 2 2.439383576e-6 -1.4e-"])
+    path.write_bytes(path.read_bytes().rstrip(b"\n"))
+    with pytest.raises(GfcError, match="line 14: the file ends within this line, after '-1.4e-'"):
+        read_gfc(path)
 
 
 def test_truncated_gzip(tmp_path):

@@ -49,14 +49,14 @@ def test_prose_before_a_header_without_its_begin(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"format": "icgem99.0"}, "format 'icgem99.0' is unknown; known are icgem1.0, icgem2.0"),
+        ({"format": "icgem99.0"}, "format 'icgem99.0' is unknown; it must be one of icgem1.0, icgem2.0"),
         ({"radius": "6378136.3 ft"}, "line 5: radius = 6378136.3 has the unknown unit 'ft'"),
         ({"before": "begin_of_head\nradius\n"}, "line 2: radius has no value"),
         ({"before": "radius 6378137.0\n"}, "line 5: radius = 0.63.* stands otherwise in line 1; one is right"),
         ({"gravity_constant": "6.67e-11"}, "line 10: gravity_constant = 6.67e-11 stands otherwise in line 4"),
         ({"before": "begin_of_head\n", "norm": "schmidt semi"}, "line 8: norm 'schmidt' is unknown"),
         ({"max_degree": "1000000000"}, "max_degree = 1000000000 must be an integer of at least 2 and at most"),
-        ({"max_degree": "60000"}, "1800089995 coefficients up to its max_degree 60000 are missing"),
+        ({"max_degree": "60000"}, "up to its max_degree 60000 the file lacks 1800089995 coefficients"),
         ({"before": "prose\nerrors of it\n", "errors": "of it"}, "line 8: errors 'of' is unknown"),
         ({"radius": "6378,1363"}, "radius '6378,1363' is not a number; the decimal mark is a point"),
     ],
@@ -131,3 +131,21 @@ def test_a_field_is_held_to_its_body(tmp_path):
     moon = GravityField("moon", 4.9e12, 1.738e6, earth.C, earth.S)
     with pytest.raises(ValueError, match="moon: GM = 4.9e.12 is not that of the Earth, .*; it is that of another body"):
         require_body(moon, EARTH)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"earth_gravity_constant": "4.2828e13", "radius": "3397000", "rows": ["gfc 2 0 -8.745e-4 0", *ROWS[2:]]},
+         r"line 4: GM = 4.2828e\+13 is not that of the Earth"),
+        ({"radius": "6.0e6"}, r"line 5: radius = 6e\+06 is not that of the Earth, 6.3781.*e\+06 m"),
+        ({"rows": ["gfc 2 0 -4.5e-4 0", *ROWS[2:]]}, "line 11: C20 = -0.00045 where the fully normalised one of the Earth"),
+    ],
+)  # fmt: skip
+def test_a_file_of_another_body_is_refused_by_its_line(tmp_path, changes, says):
+    path = gfc(tmp_path, **changes)
+    with pytest.raises(GfcError, match=f"^{path}, {says}"):
+        load_field(path, 2, EARTH)
+    assert load_field(path, 2).n_max == 2
+    with pytest.raises(ValueError, match="GM = 4.28.* is not that of the Earth"):
+        load_field("GMM2B", 4, EARTH)

@@ -73,20 +73,22 @@ def test_the_same_pulsar_in_other_words(par_file, text):
         (changed(("15:13", "-1:13")), "line 2: RAJ = -1:13"),
         (changed(("-59:08", "-91:08")), "DECJ = -91:08:09.0 is not between -90 and 90"),
         (changed(("-59:08:09", "90:00:00.1")), "DECJ = 90:00:00.1.0"),
-        (changed(("15:13:55.52", "228.48")), "RAJ = 228.48 is not written as 12:34:56.7"),
+        (changed(("15:13:55.52", "228.48")), "line 2: RAJ = 228.48 is not written as 12:34:56.7; hours, minutes and seconds are needed, and if "
+         "these are degrees, RAJ 15:13:55.20 is right."),
+        (changed(("-59:08:09.0", "-59.13583")), "line 3: DECJ = -59.13583 .*; degrees, minutes and seconds are needed, .*, DECJ -59:08:08.99 is"),
         (changed(("15:13:55.52", "15 13 55")), "RAJ = 15 is not"),
         (changed(("-59:08:09.0", "-59:08:09:0")), "DECJ = -59:08:09:0 is not written"),
         (changed(("-59:08:09.0", "-59")), "DECJ = -59 is not written"),
         (changed(("-59:08:09.0", "-59:08.5:09")), "DECJ = -59:08.5:09 is not written"),
         (changed(("-59", "\u221259")), "is not written as 12:34:56.7"),
         (changed(("RAJ 15:13:55.52", "RAJ")), "line 2: RAJ has no value"),
-        (changed(("DECJ -59:08:09.0\n", "")), "given.par: the parameter DECJ is missing"),
+        (changed(("DECJ -59:08:09.0\n", "")), "given.par: the parameter DECJ is missing .degrees, .* as in DECJ "),
         (GOOD + "F0 6.6\n", "line 7: F0 = 6.6 contradicts 6.5957 on line 4"),
         (GOOD + "RA 15:13:56\n", "line 7: RA = 15:13:56 contradicts 15:13:55.52 on line 2"),
         (GOOD + "P0 6.5957\n", "line 7: P0 = 6.5957 contradicts F0 = 6.5957"),
         (GOOD + "ELONG 244.9\nELAT -39.4\n", "line 7: ELONG and ELAT contradict RAJ and DECJ on line 2"),
         (GOOD + "ELONG 243.8\n", "the parameter ELAT is missing"),
-        (GOOD + "ECL IERS1066\n", "line 7: ECL IERS1066 is unknown; known are IERS2010"),
+        (GOOD + "ECL IERS1066\n", "line 7: ECL IERS1066 is unknown; it must be one of IERS2010"),
         (changed(("F0 6.5957", "F0 6,5957")), "line 4: F0 '6,5957' is not a number; the decimal mark"),
         (changed(("F0 6.5957", "F0 nan")), "line 4: F0 'nan' is not finite"),
         (changed(("F0 6.5957", "F0 0")), "F0 = 0 is not between 1e-05 and 2000"),
@@ -115,7 +117,8 @@ def test_what_cannot_be_right_is_refused_by_line(par_file, text, match):
 def test_what_a_use_needs_is_asked_for_by_the_use(par_file):
     with pytest.raises(ParError, match="position is missing: RAJ and DECJ, or ELONG and ELAT"):
         par_direction(read_par(par_file("F0 6.5957\n")))
-    with pytest.raises(ParError, match="the parameter F0 is missing"):
+    said = "the parameter F0 is missing .the frequency in Hz, as in F0 6.5957, or P0, .*the file has PSR, RAJ, DECJ.$"
+    with pytest.raises(ParError, match=said):
         par_frequency(read_par(par_file(GOOD.partition("F0")[0])), 0.0, 2455577.1)
     assert par_frequency(read_par(par_file("F0 6.5957\n")), 0.0, 2455577.1) == 6.5957  # no F1: no PEPOCH
     with pytest.raises(FileNotFoundError, match="No pulsar's .par file at"):
@@ -187,6 +190,27 @@ def test_what_is_left_out_of_a_frequency_is_told(par_file, line):
     par = read_par(par_file(f"{GOOD}{line}\n"))
     with pytest.warns(ParWarning, match=f"{line.split()[0]}: the pulsar's own orbit and glitches are left out"):
         assert par_frequency(par, 0.0, 2455577.1) == pytest.approx(6.5957, abs=1e-14)
+
+
+@pytest.mark.parametrize("share", [0.5e-6, -2e-6])
+def test_a_second_derivative_is_left_out_with_a_word_where_it_matters(par_file, share):
+    """F2 t^2 / 2 is the share of the frequency after a hundred days."""
+    since = 100 * 86400.0
+    par = read_par(par_file(f"{GOOD}F2 {2 * share * 6.5957 / since**2!r}\n"))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert par_frequency(par, since, 2455577.1) == pytest.approx(6.5957 - 6.6e-11 * since, abs=1e-14)
+    told = [str(one.message) for one in said]
+    assert told == [] if abs(share) < 1e-6 else "line 7: F2 = " in told[0] and "it would be -1.3e-05 Hz" in told[0]
+
+
+def test_the_second_derivative_of_the_vendored_pulsar_is_as_small_as_is_said():
+    """5.3e-7 Hz, a twelfth of f sigma sqrt(12 / n) / T of n = 7 times of arrival in T = 3500 s."""
+    par = read_par(data_path("photons/b1509.par"))
+    left = 0.5 * float(par["F2"]) * ((55576.6 - float(par["PEPOCH"])) * 86400.0) ** 2
+    assert left == pytest.approx(5.3e-7, rel=0.02)
+    sigma = 6.5957 * 2.643e-3 * np.sqrt(12 / 7) / 3500.0
+    assert (sigma, sigma / left) == (pytest.approx(6.5e-6, rel=0.01), pytest.approx(12, abs=0.5))
 
 
 @pytest.mark.filterwarnings("ignore::geokalman.pulsar.par.ParWarning")

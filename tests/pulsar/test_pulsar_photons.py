@@ -1,10 +1,13 @@
 """Real photons: numbers of the specification; synthetic ones with a known answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from geokalman.constants import C_LIGHT
 from geokalman.data import data_path
+from geokalman.physics.ephemeris import Ephemeris, OutsideEphemeris, load_ephemeris
 from geokalman.pulsar import photons
 
 NEAR = 6.5957
@@ -132,3 +135,21 @@ def test_the_search_reaches_as_far_as_the_earth_moves():
     t = (turns + 0.1 * rng.standard_normal(3000)) / frequency
     found, _ = photons.best_frequency(t, 200.0)
     assert found == pytest.approx(frequency, abs=0.1 / np.ptp(t))
+
+
+def test_a_date_outside_the_vendored_years_with_an_ephemeris_of_ones_own(rxte):
+    """The same Earth and the same photons, both 8000 days later: the same Roemer delays."""
+    events, orbit, n = rxte
+    later = 8000.0 * 86400.0
+    segments = tuple(replace(s, start=s.start + later) for s in load_ephemeris().segments if s.target in (3, 399))
+    moved = replace(events, jd=events.jd + 8000.0)
+    with pytest.raises(OutsideEphemeris, match="outside DE421 .vendored excerpt."):
+        photons.barycentred(moved, n, None)
+    own = Ephemeris("own.bsp", segments)
+    ours, theirs = photons.barycentred(moved, n, None, ephemeris=own), photons.barycentred(events, n, None)
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-7)
+    stay = replace(orbit, jd=orbit.jd + 8000.0)
+    power = [
+        photons.orbit_scale(e, n, o, NEAR, [1.0], eph) for e, o, eph in ((moved, stay, own), (events, orbit, None))
+    ]
+    assert power[0] == pytest.approx(power[1], rel=1e-6)

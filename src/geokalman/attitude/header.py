@@ -73,7 +73,7 @@ def parts_of(
         if wanted is not None and parts[what] != wanted:
             raise Level1Error(f"{path}: {what} {parts[what]} in the file name, {wanted} was expected.")
     if parts["product"] not in known:
-        raise Level1Error(f"{path}: product {parts['product']} is unknown; known are {', '.join(known)}.")
+        raise Level1Error(f"{path}: product {parts['product']} is unknown; it must be one of {', '.join(known)}.")
     return parts
 
 
@@ -112,7 +112,7 @@ def _parse(path: Path, texts: list[str], notes: list[str]) -> Any:
             k = _broken(error, texts)
             if k is None:
                 break
-            notes.append(f"line {k + 1} of the header is no YAML and was passed over: {texts[k].strip()[:60]!r}")
+            notes.append(f"line {k + 1} of the header is not YAML and was passed over: {texts[k].strip()[:60]!r}")
             texts[k] = ""
     mark = getattr(first, "problem_mark", None)
     where = f", line {mark.line + 1}" if mark else ""

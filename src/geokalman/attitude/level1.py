@@ -151,7 +151,7 @@ def _parse(
     good = {}
     for number, line in lines:
         line = _with_e(line, schema)
-        fault = _fault(line.split(), schema) or ("" if line.isascii() else "a space that is not ASCII stands in it")
+        fault = _fault(line.split(), schema) or ("" if line.isascii() else "it has a space that is not ASCII")
         if fault:
             bad.append((number, fault))
         else:
@@ -213,7 +213,7 @@ def _norm(columns: dict[str, np.ndarray]) -> np.ndarray:
 def _fault(row: list[str], schema: Sequence[Column | None]) -> str:
     """Why a record is bad, or an empty string."""
     if len(row) != len(schema):
-        return f"{len(row)} columns, {len(schema)} are expected"
+        return f"{reading.counted(len(row), 'column')}, {len(schema)} are expected"
     for k, (column, text) in enumerate(zip(schema, row, strict=True), 1):
         if len(text) > LONGEST:
             return f"column {k} is {len(text)} characters long, {text[:30]!r}..."

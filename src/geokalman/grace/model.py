@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from geokalman import memory
 from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.discretise import white_jerk
-from geokalman.physics.field import EARTH, require_body
+from geokalman.physics.field import EARTH
 from geokalman.physics.harmonics import GravityField, load_field
 
 Array = NDArray[np.float64]
@@ -86,9 +86,10 @@ class Scenario:
         radius = self.gravity().radius
         perigee = self.a * (1 - self.e) - radius
         if perigee < LOWEST_PERIGEE:
+            where = f"{abs(perigee) / 1e3:.1f} km {'below' if perigee < 0 else 'above'} the reference radius"
             raise ValueError(
-                f"a_km = {self.a / 1e3:g} with e = {self.e:g} has its perigee {perigee / 1e3:.1f} km above the reference "
-                f"radius {radius / 1e3:.1f} km and meets the Earth or its atmosphere; give a perigee above {LOWEST_PERIGEE / 1e3:g} km."
+                f"a_km = {self.a / 1e3:g} with e = {self.e:g}: the orbit meets the "
+                f"{'Earth' if perigee < 0 else 'atmosphere'}, its perigee is {where} {radius / 1e3:.1f} km; give one at least {LOWEST_PERIGEE / 1e3:g} km above it."
             )
         if self.tau <= 0:
             raise ValueError(f"tau_s = {self.tau:g} s does not separate the satellites; give a positive time.")
@@ -153,7 +154,7 @@ class Scenario:
 
     def gravity(self) -> GravityField:
         """The field that is flown, truncated at `n_max`; raises ValueError for one that is not the Earth's."""
-        return require_body(load_field(self.field or "EGM96", self.n_max), EARTH)
+        return load_field(self.field or "EGM96", self.n_max, EARTH)
 
 
 def default_step(integrator: str, dt: float) -> float:

@@ -26,7 +26,7 @@ from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, column_names, design_block, from_vector
 from geokalman.progress import track
 
-BLOCK = 2048  # rows of the design matrix that stand in memory at a time: 83 MB at degree 70
+BLOCK = 2048  # rows of the design matrix held in memory at a time: 83 MB at degree 70
 _ROWS, _COLUMNS = 256, 1024  # of the sample by which the time is foreseen
 
 
@@ -81,7 +81,7 @@ def outlook(epochs: int, n_max: int) -> float:
 
 
 def _require_memory(n_max: int) -> None:
-    """The normal matrix, its inverse and a block of rows stand in memory at a time."""
+    """The normal matrix, its inverse and a block of rows are held in memory at a time."""
 
     def size(n: int) -> float:
         return 8.0 * column_count(n) * (2.0 * column_count(n) + BLOCK)

@@ -60,7 +60,7 @@ class Ephemeris:
         time = ((jd - J2000) * DAY + seconds).ravel()
         for name in (body, centre):
             if name not in BODIES:
-                raise ValueError(f"body {name!r} is unknown; known are {', '.join(BODIES)}.")
+                raise ValueError(f"body {name!r} is unknown; it must be one of {', '.join(BODIES)}.")
         (near, root), (far, other) = (self._from_root(BODIES[name], time, derivative) for name in (body, centre))
         if (apart := root != other).any():
             missing = max(int(root[apart][0]), int(other[apart][0]))

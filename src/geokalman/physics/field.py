@@ -22,7 +22,7 @@ class GravityField:
 
     V(r, phi, lambda) = GM/r sum_n (R/r)^n sum_m (C_nm cos m lambda + S_nm sin m lambda) P_nm(sin phi)
 
-    Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass stands in GM) and degree 1 is zero (the
+    Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass is in GM) and degree 1 is zero (the
     origin is the centre of mass). A field that says otherwise is refused.
 
     Parameters
@@ -75,7 +75,7 @@ class GravityField:
         if np.any(self.S[:, 0]):
             raise ValueError(f"{self.name}: S[n, 0] must be zero, S[{np.flatnonzero(self.S[:, 0])[0]}, 0] is not.")
         if self.C[0, 0] != 1.0:
-            raise ValueError(f"{self.name}: C[0, 0] = {self.C[0, 0]} must be 1: the mass of the body stands in GM.")
+            raise ValueError(f"{self.name}: C[0, 0] = {self.C[0, 0]} must be 1: the mass of the body is in GM.")
         if self.C[1, 0] or self.C[1, 1] or self.S[1, 1]:
             raise ValueError(
                 f"{self.name}: degree 1 (C10 = {self.C[1, 0]}, C11 = {self.C[1, 1]}, S11 = {self.S[1, 1]}) must be "
@@ -149,21 +149,32 @@ MARS = Body("Mars", 4.2828e13, 3397.0e3, -8.745e-4)
 BODIES = (EARTH, MOON, MARS)
 
 
+class Misfit(NamedTuple):
+    """What of a field is not that of a body (gravity_constant, radius or C20), and a sentence that says so."""
+
+    what: str
+    sentence: str
+
+
+def misfit(gm: float, radius: float, C20: float, body: Body) -> Misfit | None:
+    """Tell what is not that of the body: GM (to 1 %), radius (to 3 %), or C20 (to 2 %); None where all is."""
+    if abs(gm / body.gm - 1.0) > 0.01:
+        cure = "it is in km^3/s^2" if abs(1e9 * gm / body.gm - 1.0) < 0.01 else "it is that of another body"
+        return Misfit("gravity_constant", f"GM = {gm:g} is not that of {body.name}, {body.gm:g} m^3/s^2; {cure}.")
+    if abs(radius / body.radius - 1.0) > 0.03:
+        cure = "; it is in km" if abs(1e3 * radius / body.radius - 1.0) < 0.03 else ""
+        return Misfit("radius", f"radius = {radius:g} is not that of {body.name}, {body.radius:g} m{cure}.")
+    if abs(C20 / body.C20 - 1.0) > 0.02:
+        unnormalised = f"unnormalised it would be {math.sqrt(5.0) * body.C20:.4g}"
+        wanted = f"where the fully normalised one of {body.name} is {body.C20:g}; {unnormalised}"
+        return Misfit("C20", f"C20 = {C20:g} {wanted}.")
+    return None
+
+
 def require_body(field: GravityField, body: Body) -> GravityField:
-    """The field, unless its GM (to 1 %), radius (to 3 %) or C20 (to 2 %) is not that of the body: then ValueError."""
-    if abs(field.gm / body.gm - 1.0) > 0.01:
-        cure = "it is in km^3/s^2" if abs(1e9 * field.gm / body.gm - 1.0) < 0.01 else "it is that of another body"
-        raise ValueError(f"{field.name}: GM = {field.gm:g} is not that of {body.name}, {body.gm:g} m^3/s^2; {cure}.")
-    if abs(field.radius / body.radius - 1.0) > 0.03:
-        cure = "; it is in km" if abs(1e3 * field.radius / body.radius - 1.0) < 0.03 else ""
-        raise ValueError(
-            f"{field.name}: radius = {field.radius:g} is not that of {body.name}, {body.radius:g} m{cure}."
-        )
-    if abs(field.C[2, 0] / body.C20 - 1.0) > 0.02:
-        raise ValueError(
-            f"{field.name}: C20 = {field.C[2, 0]:g} where the fully normalised one of {body.name} is {body.C20:g}; "
-            f"unnormalised it would be {math.sqrt(5.0) * body.C20:.4g}."
-        )
+    """The field, unless it is not that of the body (`misfit`): then ValueError."""
+    if found := misfit(field.gm, field.radius, field.C[2, 0], body):
+        raise ValueError(f"{field.name}: {found.sentence}")
     return field
 
 

@@ -54,7 +54,7 @@ def pack(field: GravityField, n_max: int | None = None) -> np.ndarray:
     """Flat parameters of a field for the kernels: header, then a table with the normalisation folded in.
 
     The table goes by blocks of eight orders m and in a block by n - m, so that eight recursions run in step:
-    (-beta, C, S) x 8 orders for n - m = 0, 1, ... of the block's first order. C_00 stands in the header alone.
+    (-beta, C, S) x 8 orders for n - m = 0, 1, ... of the block's first order. C_00 is in the header alone.
 
     field : gravity field
     n_max : degree and order at which the sum stops (default: all of the field)

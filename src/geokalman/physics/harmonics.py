@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from geokalman.constants import R_MEAN_EARTH
 from geokalman.data import CorruptedData, data_path
-from geokalman.physics.field import Array, GravityField
+from geokalman.physics.field import Array, Body, GravityField, require_body
 from geokalman.physics.icgem import read_gfc
 from geokalman.physics.sphere import area_rms, cell_centred_grid, legendre, synthesis, synthesis_points
 
@@ -36,7 +36,9 @@ GAUSSIAN_CUT = 1e-7
 """Weights from the first one below this on are zero: there the recursion has lost its digits."""
 
 
-def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None) -> GravityField:
+def load_field(
+    name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None, body: Body | None = None
+) -> GravityField:
     """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`; empty is `EGM96`)
     or any ICGEM `.gfc` file by its path.
 
@@ -44,6 +46,7 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
     ----------
     name_or_path : name of a vendored field, in any case, or path of a `.gfc` (`.gfc.gz`) file.
     n_max : degree and order to which the field is wanted; None for all of it.
+    body : whose field it must be, e.g. `field.EARTH`; None for any.
 
     Returns
     -------
@@ -52,7 +55,8 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
     Raises
     ------
     ValueError
-        n_max below 2 or above the field's degree; GfcError (a ValueError) where the file is damaged.
+        n_max below 2 or above the field's degree, a field of another body; GfcError (a ValueError), with file and
+        line, where the file is damaged or that of another body.
     FileNotFoundError
         Neither a name nor a file.
     geokalman.data.CorruptedData
@@ -62,10 +66,11 @@ def load_field(name_or_path: str | os.PathLike = "EGM96", n_max: int | None = No
     vendored = (VENDORED | MONTHLY).get(text.upper())
     if vendored is not None:
         field = _read_npz(data_path(vendored))
+        field = field if body is None else require_body(field, body)
     elif not os.path.isfile(text):
         raise FileNotFoundError(f"No gravity field '{text}': it is neither {' nor '.join(VENDORED)} nor an ICGEM file.")
     else:
-        field = read_gfc(text)
+        field = read_gfc(text, body=body)
     return field if n_max is None else field.truncate(n_max)
 
 

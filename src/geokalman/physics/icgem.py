@@ -11,6 +11,7 @@ import datetime
 import gzip
 import math
 import os
+import re
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from geokalman.physics.field import BODIES, Array, GravityField
+from geokalman.physics.field import BODIES, Array, Body, GravityField, misfit
 from geokalman.physics.icgem_epoch import TIME_COLUMNS, Term, at_epoch, instant, term
 from geokalman.physics.icgem_header import GfcError, Header, read_header
-from geokalman.reading import Place, lines
+from geokalman.reading import Place, counted, lines
 
 __all__ = ["GfcError", "GfcWarning", "read_gfc", "write_gfc"]
 
@@ -30,6 +31,7 @@ GEOCENTRE = 0.1
 _UNNORMALISED_LIMIT = 150  # above, (2n)! leaves the range of float64
 _DENSITIES = (100.0, 50e3)  # kg/m^3; Saturn has 687, the Earth 5514, and a reference radius need not be the mean one
 _PLANETS = (*(b.gm for b in BODIES), 2.2032e13, 3.24859e14, 1.26687e17, 3.7931e16, 5.794e15, 6.8365e15)  # m^3/s^2
+_BROKEN_EXPONENT = re.compile(r"[\d.][eEdD]?[+-]$|[\d.][eEdD]$")
 _COLUMNS = 7  # of the table of coefficients: line, degree, order, C, S and their standard deviations
 
 
@@ -37,7 +39,7 @@ class GfcWarning(UserWarning):
     """Something in a `.gfc` file is left out; the message says what."""
 
 
-def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> GravityField:
+def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None, body: Body | None = None) -> GravityField:
     """Read a gravity field model in ICGEM format, plain or compressed.
 
     Time-variable coefficients (`gfct`) are taken at their reference epoch t0, without trend and periodic terms; with
@@ -50,8 +52,9 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
 
     Parameters
     ----------
-    path : path of the file (`.gfc`; gzip, xz and bzip2 are told by the first bytes).
+    path : path of the file (`.gfc`; gzip, xz and bzip2 are recognised by the first bytes).
     epoch : date at which a time-variable field is wanted; without a time zone in UTC.
+    body : whose field it must be; None for that of any planet or moon.
 
     Returns
     -------
@@ -63,10 +66,10 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
         No such file.
     GfcError
         One sentence with file, line, value and what would be right: a damaged file, a keyword that is unknown, a
-        coefficient that is missing or doubled, values that no planet or moon has.
+        coefficient that is missing or doubled, values that no planet or moon has, or those of another than `body`.
     """
     path, time = Path(path), instant(epoch)
-    stream = lines(path, "gravity field", GfcError)
+    stream = lines(path, "gravity field", GfcError, keep_ends=True)
     head = read_header(path, stream)
     rows, terms = _read_rows(head, stream)
     for nm, group in terms.items():
@@ -84,7 +87,13 @@ def read_gfc(path: str | os.PathLike, epoch: datetime.date | None = None) -> Gra
     if head.unnormalised:
         factor = _normalisation(path, head.n_max)
         C, S, sigma = C / factor, S / factor, None if sigma is None else sigma / factor
-    _require_physical(head, C, S, lambda n_, m_: Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError))
+
+    def place(n_: int, m_: int) -> Place:
+        return Place(path, int(line[(n == n_) & (m == m_)][0]), GfcError)
+
+    _require_physical(head, C, S, place)
+    if body is not None and (found := misfit(head.gm, head.radius, C[2, 0], body)):
+        raise head.places.get(found.what, place(2, 0)).error(found.sentence)
     _leave_out_degree_one(path, head.radius, C, S)
     try:
         return GravityField(
@@ -135,10 +144,15 @@ def _read_rows(
     """The static coefficients as rows of a table, and the terms of the time-variable ones."""
     rows = array.array("d")
     terms: dict[tuple[int, int], list[Term]] = {}
+    shortest, fewest = 0, 0
     for place, line in stream:
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
+        length = len(line.rstrip())
+        if not line.endswith("\n") and (length < shortest or len(words) < fewest or _BROKEN_EXPONENT.search(words[-1])):
+            raise place.error(f"the file ends within this line, after '{words[-1]}': it is truncated; fetch it again.")
+        shortest, fewest = min(shortest or length, length), min(fewest or len(words), len(words))
         key, n, m, numbers, times = _split_row(words, head, place)
         if key == "gfc":
             _append(rows, place, (n, m), (numbers[0], numbers[1], numbers[2:]))
@@ -166,10 +180,11 @@ def _split_row(words: list[str], head: Header, place: Place) -> tuple[str, int, 
     needed = 5 + errors + n_times
     columns = f"(key, degree, order, C, S, {errors} errors, {n_times} of time)"
     if len(words) < needed:
-        raise place.error(f"{len(words)} columns where {needed} are needed {columns}; is the file truncated?")
+        found = counted(len(words), "column")
+        raise place.error(f"{found} where {needed} are needed {columns}; is the file truncated?")
     if key != "gfc" and len(words) > needed and words[needed][0].isdigit():
         cure = "" if head.version else "; with two dates the header says 'format icgem2.0'"
-        raise place.error(f"{len(words)} columns where {needed} are right {columns}{cure}.")
+        raise place.error(f"{counted(len(words), 'column')} where {needed} are right {columns}{cure}.")
     try:
         n, m = int(words[1]), int(words[2])
     except ValueError:
@@ -197,8 +212,8 @@ def _require_complete(path: Path, n_max: int, n: Array, m: Array, line: Array) -
         degrees = [(math.isqrt(8 * k + 1) - 1) // 2 for k in gaps]
         listed = ", ".join(str((n, k - n * (n + 1) // 2)) for n, k in zip(degrees, gaps, strict=True))
         raise GfcError(
-            f"{path}: {missing} coefficients up to its max_degree {n_max} are missing, (degree, order) = {listed}"
-            f"{', ...' if missing > 5 else ''}; the file is truncated or its max_degree is wrong."
+            f"{path}: up to its max_degree {n_max} the file lacks {counted(missing, 'coefficient')}, "
+            f"(degree, order) = {listed}{', ...' if missing > 5 else ''}; it is truncated or its max_degree is wrong."
         )
 
 

@@ -115,7 +115,8 @@ def _parsed(key: str, words: list[str], place: Place) -> Any:
         for count in (3, 2, 1):  # `calibrated and formal` before `calibrated`
             if (word := known.get(_squashed("".join(words[:count])))) is not None:
                 return word
-        raise place.error(f"{key} '{words[0]}' is unknown; known are {', '.join(_CHOICES[key])}.")
+        several = "one of " * (len(_CHOICES[key]) > 1)
+        raise place.error(f"{key} '{words[0]}' is unknown; it must be {several}{', '.join(_CHOICES[key])}.")
     if key == "modelname":
         return " ".join(words)
     if key == "tide_system":  # as files spell it: `tide_free`, `zero`, `Zero-Tide`, `tide free`, ...

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geokalman.constants import J2000
-from geokalman.physics.field import MARS, require_body
+from geokalman.physics.field import MARS
 from geokalman.physics.frames import rotation_z
 from geokalman.physics.harmonics import GravityField, load_field
 
@@ -63,7 +63,7 @@ def gravity(n_max: int | None = None, path: str | os.PathLike = "") -> GravityFi
     Raises ValueError for a degree that the field lacks, and for a field that cannot be that of Mars: GM or radius in
     kilometres, unnormalised coefficients, another body. Source: Lemoine et al. (2001), J. Geophys. Res. 106(E10).
     """
-    return require_body(load_field(os.fspath(path) or "GMM2B", n_max), MARS)
+    return load_field(os.fspath(path) or "GMM2B", n_max, MARS)
 
 
 def j2(field: GravityField) -> float:

@@ -1,7 +1,7 @@
 """Orbits: one call that integrates k bodies in any compiled force, by Gauss-Jackson, DOP853 or Runge-Kutta 4(5).
 
 Use a fixed step for micrometre range-rates: at equal cost it is more accurate than adaptive steps, whose dense output
-and changing errors stand in the differences of two orbits.
+and changing errors show in the differences of two orbits.
 """
 
 from __future__ import annotations

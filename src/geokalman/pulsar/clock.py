@@ -42,7 +42,7 @@ def times(table: Table, column: str) -> Times:
 
     TUNIT (else TIMEUNIT, else s) is the unit, TIMEUNIT that of TIMEZERO; MJDREF, MJDREFI + MJDREFF or their
     counterparts in Julian dates, or DATEREF the reference; TIMEZERO or TIMEZERI + TIMEZERF (else 0) is added; TAI and
-    GPS are turned into TT. A keyword that the table lacks may stand in the first header of the file.
+    GPS are turned into TT. A keyword that the table lacks may be in the first header of the file.
     Raises FitsError where these contradict one another, for another time scale or unit, and for a time that is null,
     not finite, too coarse, or not between 1960 and 2100.
     """

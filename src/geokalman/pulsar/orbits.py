@@ -13,6 +13,7 @@ from geokalman.constants import GM_EARTH
 from geokalman.pulsar import clock
 from geokalman.pulsar.fits import FitsError, Header, Table, read_fits
 from geokalman.pulsar.model import Array
+from geokalman.reading import counted
 
 _TOLERANCE = 1e3  # [m]: 3.3 microseconds of light, what X-ray timing can see
 _LOWEST, _HIGHEST = 6.4e6, 2e9  # [m] from the Earth's centre: below the air, beyond L2
@@ -44,7 +45,7 @@ class SatelliteOrbit:
     def position(self, seconds: Array, jd: float) -> Array:
         """Give positions (n, 3) [m] at times [s] since jd, by cubic Hermite interpolation.
 
-        Raises ValueError where the orbit does not cover them, and where they stand in a hole of it: more than three
+        Raises ValueError where the orbit does not cover them, and where they fall into a hole of it: more than three
         steps and 60 s from the next record, or where the interpolation errs by more than a kilometre, by
         h^4/384 GM^2/r^5 over an interval h.
         """
@@ -123,7 +124,7 @@ def _orbit(table: Table, time: str, positions: tuple[str, ...], speeds: tuple[st
         header.warn(f"{again.size} of {len(t)} records have the time of another; they are left out.")
         rows = np.delete(rows, again + 1)
     if len(rows) < 2:
-        raise header.error(f"the orbit has {len(rows)} records; two are needed at least.")
+        raise header.error(f"the orbit has {counted(len(rows), 'record')}; two are needed at least.")
     t, r, v = t[rows], r[rows], None if v is None else v[rows]
     _check_motion(header, t, r, v, rows + 1)
     return SatelliteOrbit(t + zero, jd, r, _velocities(t, r) if v is None else v, header.where)

@@ -30,6 +30,14 @@ _TCB_RATE = 1.0 / (1.0 - 1.550519768e-8)
 """Seconds of TCB in one of TDB. Source: IAU 2006 Resolution B3."""
 _TCB_EPOCH = 43144.0003725
 _FIRST_MJD, _LAST_MJD = 36934.0, 88069.0  # 1960 to 2100
+_WANTED = {
+    "RAJ": "hours, minutes and seconds, as in RAJ 15:13:55.6", "ELONG": "degrees, as in ELONG 301.97",
+    "DECJ": "degrees, minutes and seconds, as in DECJ -59:08:09", "ELAT": "degrees, as in ELAT 42.30",
+    "F0": "the frequency in Hz, as in F0 6.5957, or P0, the period in s",
+    "PEPOCH": "the epoch of F0 as an MJD, as in PEPOCH 55308", "POSEPOCH": "an MJD, as in POSEPOCH 55308",
+}  # fmt: skip
+"""What the line of a parameter would be, for messages."""
+_F2_LIMIT = 1e-6
 _MAS = np.pi / 180.0 / 3.6e6
 
 
@@ -62,20 +70,39 @@ class Par(dict[str, str]):
         """Give a parameter from low to high; ParError outside, and where it must be there."""
         if name not in self:
             if default is None:
-                raise self.file.error(f"the parameter {name} is missing.")
+                raise self.missing(name)
             return default
         value = self.places[name].number(self[name], name)
         if not low <= value <= high:
             raise self.places[name].error(f"{name} = {self[name]} is not between {low:g} and {high:g}.")
         return value
 
+    def missing(self, name: str) -> ParError:
+        """Give the error of a parameter that is not there: what would be right, and what the file has."""
+        names = [name for name in self.places if name not in _ALIASES]
+        has = ", ".join(names[:8]) + ", ..." * (len(names) > 8)
+        return self.file.error(f"the parameter {name} is missing ({_WANTED[name]}); the file has {has}.")
+
+    def _sexagesimal(self, name: str) -> str:
+        """Give, for messages, what a number of degrees would be."""
+        try:
+            degrees = reading.number(self[name])
+        except ValueError:
+            return ""
+        if not abs(degrees) <= 360.0:
+            return ""
+        hundredths = round(abs(degrees) * 360000.0 / (15.0 if name == "RAJ" else 1.0))
+        minutes, rest = divmod(hundredths, 6000)
+        text = f"{'-' * (degrees < 0)}{minutes // 60:02d}:{minutes % 60:02d}:{rest / 100:05.2f}"
+        return f"; {_WANTED[name].partition(', as')[0]} are needed, and if these are degrees, {name} {text} is right"
+
     def angle(self, name: str, low: float, high: float) -> float:
         """Give degrees, or hours, written as 12:34:56.7 from low to high."""
         if name not in self:
-            raise self.file.error(f"the parameter {name} is missing.")
+            raise self.missing(name)
         match, place = _SEXAGESIMAL.fullmatch(self[name]), self.places[name]
         if match is None or (match[4] and "." in match[3]):
-            raise place.error(f"{name} = {self[name]} is not written as 12:34:56.7.")
+            raise place.error(f"{name} = {self[name]} is not written as 12:34:56.7{self._sexagesimal(name)}.")
         sign, (whole, minutes, seconds) = match[1], (float(part or 0.0) for part in match.groups()[1:])
         if minutes >= 60.0 or seconds >= 60.0:
             raise place.error(f"{name} = {self[name]} has minutes or seconds of 60 or more.")
@@ -146,7 +173,7 @@ def par_direction(par: Par, mjd: float | None = None) -> Array:
         raise par.places["EQUINOX"].error(f"EQUINOX {par['EQUINOX']}: a position of J2000 is needed.")
     ecl = par.get("ECL", "").upper()
     if ecl not in _OBLIQUITY:
-        raise par.places["ECL"].error(f"ECL {ecl} is unknown; known are {', '.join(filter(None, _OBLIQUITY))}.")
+        raise par.places["ECL"].error(f"ECL {ecl} is unknown; it must be one of {', '.join(filter(None, _OBLIQUITY))}.")
     tilt = np.radians(_OBLIQUITY[ecl] / 3600.0)
     poles = {"RAJ": np.array([0.0, 0.0, 1.0]), "ELONG": np.array([0.0, -np.sin(tilt), np.cos(tilt)])}
     found = []
@@ -178,14 +205,21 @@ def par_direction(par: Par, mjd: float | None = None) -> Array:
 def par_frequency(par: Par, seconds: float, jd: float) -> float:
     """Give the frequency F0 + F1 (t - PEPOCH) [Hz], t at the pulsar, seconds since jd (TDB).
 
-    F0 and F1 may stand as P0 and P1; F2 and higher terms are left out. Warns, with a ParWarning, of a binary orbit and
-    of glitches, which are left out too. Raises ParError for a spin that is missing, or no pulsar's.
+    F0 and F1 may stand as P0 and P1. The term F2 (t - PEPOCH)^2 / 2 is left out: of B1509-58 it is 5.3e-7 Hz on
+    15 January 2011, a twelfth of the standard deviation of the frequency from that hour of RXTE (6.5e-6 Hz). Warns,
+    with a ParWarning, where it is more than 1e-6 of the frequency, and of a binary orbit and of glitches, which are
+    left out too. Raises ParError for a spin that is missing, or no pulsar's.
     """
     if left := [key for key in par if key == "BINARY" or key.startswith("GLEP")]:
         text = f"{', '.join(left)}: the pulsar's own orbit and glitches are left out of its frequency."
         warnings.warn(f"{par.file.path}: {text}", ParWarning, stacklevel=2)
     f0, f1, epoch = _spin(par)
-    return f0 + f1 * (seconds + (jd - MJD_ZERO - epoch) * 86400.0)
+    since = seconds + (jd - MJD_ZERO - epoch) * 86400.0
+    second = 0.5 * par.number("F2", -1e-10, 1e-10, 0.0) * since**2 if "PEPOCH" in par else 0.0
+    if abs(second) > _F2_LIMIT * f0:
+        text = f"F2 = {par['F2']} is left out of the frequency, of which it would be {second:.2g} Hz."
+        warnings.warn(str(par.places["F2"].error(text)), ParWarning, stacklevel=2)
+    return f0 + f1 * since
 
 
 def _spin(par: Par) -> tuple[float, float, float]:

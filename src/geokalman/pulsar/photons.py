@@ -48,8 +48,8 @@ def barycentred(
     """Move times to the barycentre: t + n . (r_Earth + scale r_satellite) / c (Roemer delays).
 
     direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the
-    Earth's; scale : of the satellite's orbit. The difference between TT and TDB, below 2 ms and constant over an hour,
-    is left out. Returns (n,) [s]. Raises ValueError for events that are at the barycentre already.
+    Earth's; scale : of the satellite's orbit; ephemeris : None is the vendored DE421. The difference between TT and
+    TDB, below 2 ms and constant over an hour, is left out. Returns (n,) [s]. Raises ValueError for events that are at the barycentre already.
     """
     if not events.local:
         already = f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM)"
@@ -136,9 +136,13 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
     return Timing(middle, residual, sigma, rms, float(np.sqrt((sigma**2).mean())), power, frequency)
 
 
-def orbit_scale(events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array) -> Array:
-    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay."""
-    return np.array([best_frequency(barycentred(events, direction, orbit, scale=s), near, 1e-3)[1] for s in scales])
+def orbit_scale(
+    events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array,
+    ephemeris: Ephemeris | None = None,
+) -> Array:  # fmt: skip
+    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay; arguments as `barycentred`."""
+    times = (barycentred(events, direction, orbit, scale=s, ephemeris=ephemeris) for s in scales)
+    return np.array([best_frequency(t, near, 1e-3)[1] for t in times])
 
 
 def within_one(scales: Array, power: Array) -> tuple[float, float]:

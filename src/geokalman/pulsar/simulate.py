@@ -95,7 +95,7 @@ def observe(
 def one_at_a_time(data: Observations, order: list[int], columns: list[int]) -> Observations:
     """Observe by one detector: epoch j sees pulsar order[j mod n], the rest is NaN.
 
-    order : numbers of Table 1; columns : what stands in the columns of the data. Raises ValueError for a pulsar
+    order : numbers of Table 1; columns : what the columns of the data hold. Raises ValueError for a pulsar
     that is not there.
     """
     missing = [k for k in order if k - 1 not in columns]

@@ -215,7 +215,11 @@ def check_orbit(elements: tuple[float, ...]) -> None:
     if not 0.0 <= e < 1.0:
         raise ValueError(f"e = {e:g} is not the eccentricity of an ellipse; give 0 <= e < 1")
     if a * (1.0 - e) < R_EARTH:
-        raise ValueError(f"perigee {a * (1.0 - e) / 1e3:.1f} km is inside the Earth (radius {R_EARTH / 1e3:.1f} km)")
+        perigee, radius = a * (1.0 - e) / 1e3, R_EARTH / 1e3
+        raise ValueError(
+            f"a = {a / 1e3:g} km with e = {e:g}: the orbit meets the Earth, its perigee is inside the Earth "
+            f"({perigee:.1f} km from the geocentre, radius {radius:.1f} km); give a larger a or a smaller e."
+        )
 
 
 @functools.lru_cache(maxsize=32)

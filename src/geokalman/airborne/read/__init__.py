@@ -20,7 +20,7 @@ from geokalman.airborne.read.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUT
 from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.read.tables import read_table
 from geokalman.data import data_path
-from geokalman.reading import InputError
+from geokalman.reading import InputError, counted
 
 SURVEYS = {"kauring": "kauring_2012.xz", "eastvic": "eastvic_repeats.xyz.xz"}
 """Vendored surveys and their files under `data/`."""
@@ -108,10 +108,14 @@ class Survey:
         wanted = [_wanted(name) for name in names]
         for name in wanted:
             if wanted.count(name) > 1:
-                raise ValueError(f"Line {name} is asked for twice; once is right.")
+                raise ValueError(f"lines has line {name} twice; once is right.")
         if not wanted:
-            raise ValueError(f"No line is asked for; there are {_some([f.name for f in self.flights])}.")
-        return tuple(piece for name in wanted for piece in self.pieces(name))
+            raise ValueError(f"lines is empty; there are {_some([f.name for f in self.flights])}.")
+        try:
+            return tuple(piece for name in wanted for piece in self.pieces(name))
+        except UnknownLine as error:
+            some = ", ".join(f.whole for f in self.flights[:2])
+            raise UnknownLine(f"{str(error).rstrip('.')}; choose lines of the file, as in lines=[{some}].") from None
 
     def require(self, *references: str) -> None:
         """Raises ValueError where a line lacks one of these references (ground, contractor, ...)."""
@@ -190,12 +194,13 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
     channels = {key: values * factors[sources[key]] for key, values in raw.items()}
     blocks, doubled = _blocks(table, labels, channels)
     notes += doubled
-    checks.middles(channels, blocks)
+    checks.middles(channels, blocks, [_label(labels[rows[0]]) for rows in blocks])
     times_flown = Counter(_label(labels[rows[0]]) for rows in blocks)
     flights: list[SurveyLine] = []
     refused: list[str] = []
     swapped: list[str] = []
     aliased: list[str] = []
+    noisy: dict[str, float] = {}
     used: Counter[str] = Counter()
     for rows in blocks:
         name = _label(labels[rows[0]])
@@ -215,7 +220,7 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
         if not cut:
             refused.append(f"line {name} cannot be used: {why[0]}")
         elif why:
-            notes.append(f"line {name} is cut into {len(cut)} pieces: {_some(why)}")
+            notes.append(f"line {name} is cut into {counted(len(cut), 'piece')}: {_some(why)}")
         for part, others in cut:
             used[name] += 1
             label = name + _letters(used[name]) if several else name
@@ -224,25 +229,37 @@ def _survey(table: Table, layout: Layout, shortest: float) -> Survey:
                 refused.append(f"line {label} lasts {lasts:.1f} s, at least {shortest:g} s are needed")
                 continue
             quality.agree(label, part, others, layout)
-            if quality.height_correlation(part["f3"], part["height"]) < checks.ALIASED:
-                aliased.append(label)
+            follows = quality.height_correlation(part["f3"], part["height"])
+            if follows < quality.FOLLOWS and len(part["t"]) >= quality.ENOUGH:
+                short, long = quality.height_noise(part["f3"], part["height"], lasts / (len(part["t"]) - 1))
+                if long > np.sqrt(quality.EXCESS) * short:
+                    aliased.append(label)
+                else:
+                    noisy[label] = short
             kept = {key: values for key, values in others.items() if key in layout.references}
             flights.append(_flight(label, part, kept, layout))
     notes += [f"line {name} was flown {n} times, its flights carry letters" for name, n in times_flown.items() if n > 1]
     for key in layout.references:
         empty = [f.name for f in flights if not np.nanmax(np.abs(np.diff(f.references[key])), initial=0.0) > 0]
         if empty:
-            notes.append(f"{key} is null or one value in all rows of {len(empty)} lines ({_some(empty)}): none there")
+            count = counted(len(empty), "line")
+            notes.append(f"{key} is null or one value in all rows of {count} ({_some(empty)}): none there")
             flights = [_without(f, key) if f.name in empty else f for f in flights]
     if not flights:
         raise InputError(f"No line can be used: {_some([*refused, *notes], '; ')}.")
     if swapped:
-        notes.append(f"latitude and longitude are swapped on {len(swapped)} lines ({_some(swapped)}); put right")
+        count = counted(len(swapped), "line")
+        notes.append(f"latitude and longitude are swapped on {count} ({_some(swapped)}); put right")
     if aliased:
         notes.append(
             f"on {len(aliased)} of {len(flights)} lines "
             f"({_some(aliased)}) the specific force follows the height with a "
-            f"correlation below {checks.ALIASED}: it is probably aliased, so give the height a larger R"
+            f"correlation below {quality.FOLLOWS}: it is probably aliased, so give the height a larger R"
+        )
+    if noisy:
+        notes.append(
+            f"on {len(noisy)} of {len(flights)} lines ({_some(list(noisy))}) the height has white noise of up to "
+            f"{max(noisy.values()):.2g} m; the filter's R (R_m) should be that"
         )
     if notes:
         warnings.warn("; ".join(notes) + ".", checks.SuspiciousData, stacklevel=3)
@@ -262,6 +279,7 @@ def _clean(
     checks.unit(name, columns, factor)
     checks.wild(name, columns, references, layout)
     columns, turned = checks.places(f"Line {name}", columns)
+    checks.signs(name, columns)
     checks.speed(name, columns)
     cut, why = checks.pieces(name, columns, references)
     parts = [tuple({k: v[piece] for k, v in table.items()} for table in (columns, references)) for piece in cut]

@@ -12,13 +12,11 @@ from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import IN_MGAL, Layout
 from geokalman.airborne.model import Array
 from geokalman.constants import A_EARTH
-from geokalman.reading import InputError
+from geokalman.reading import InputError, counted
 
 DAY = 86400.0
 SLOWEST, FASTEST = 20.0, 150.0
 """Speeds [m/s] outside of which positions or times must be wrong."""
-ALIASED = 0.95
-"""Below this correlation of f3' with the second difference of the height, f3' is aliased at this rate."""
 ROW, FILE_ROW = "row of the data", "row of the file"
 """Columns that carry each epoch's row for messages: of the data (the first is 1), and of the file where it is text."""
 ROWS = (ROW, FILE_ROW)
@@ -52,6 +50,8 @@ LIMITS = {
     "reference": Limit(-1e3, 1e3, 6.0, "mGal"),  # 100 mGal/km at 60 m/s: no gradient of gravity is steeper
 }
 """Limits of the channels, the kinds of corrections, and the references; steps are for a second or less."""
+_ANGLES = {"lat": "latitude", "lon": "longitude"}
+_SPIKE = "a spike, or a null that is not marked as one: leave the cell empty"
 _COUNTERS = (-999.25, -32768.0, -32767.0, 32767.0, -2147483648.0, -2147483647.0, 2147483647.0)
 
 
@@ -113,21 +113,24 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table, list
     timed = np.isfinite(c["t"])
     if not timed.all():
         c, references = _take(c, timed), _take(references, timed)
-        notes.append(f"{int((~timed).sum())} rows of line {name} have no time and are left out")
+        notes.append(f"{counted(int((~timed).sum()), 'row')} of line {name} without a time left out")
     if np.median(np.diff(c["t"])) < 0:
         if (c["t"] < 0).all():
             raise InputError(f"Line {name}: all times are negative and fall from {c['t'][0]:.10g} s; count upward.")
         c, references = _take(c, slice(None, None, -1)), _take(references, slice(None, None, -1))
-        notes.append(f"line {name} stands in the reverse order of time and is turned")
+        notes.append(f"line {name} is in the reverse order of time and is turned")
     t = c["t"].copy()
     dt = float(np.median(np.diff(t)))
     inner = (np.abs(t[2:] - t[:-2] - 2 * dt) < 0.5 * dt) & ((t[1:-1] < t[:-2]) | (t[1:-1] > t[2:]))
     spikes = np.flatnonzero(inner) + 1
     if 0 < len(spikes) < 4 and (np.diff(np.delete(t, spikes)) >= 0).all():
         k = int(spikes[0])
+        cure = _SPIKE
+        if len(spikes) > 1 and np.allclose(np.sort(t[spikes]), np.sort(t[spikes - 1] + dt), rtol=0, atol=0.25 * dt):
+            cure = "rows are not in the order of time, sort them"  # the times that are missed are in other rows
         raise InputError(
             f"Line {name}: the time is {t[k]:.10g} s{at(references, k)} between {t[k - 1]:.10g} and {t[k + 1]:.10g} s; "
-            "a spike, or a null in other words: leave the cell empty."
+            f"{cure}."
         )
     if np.ptp(t) > 100.0 and t.max() < 240000.0 and (t % 100.0 < 60.0).all() and dt < 60.0:
         raise InputError(
@@ -226,10 +229,7 @@ def _refuse(
     why = f"{gap[k]:.3g} {limit.unit} away from its neighbours"
     if gap[k] <= allowed:
         why = f"beyond {limit.least:g} to {limit.most:g}"
-    raise InputError(
-        f"Line {name}: {key} is {y[k]:g} {limit.unit}{rows[k]}, {why}; "
-        "a spike, or a null in other words: leave the cell empty."
-    )
+    raise InputError(f"Line {name}: {key} is {y[k]:g} {limit.unit}{rows[k]}, {why}; {_SPIKE}.")
 
 
 def _limit(key: str, layout: Layout) -> Limit:
@@ -254,6 +254,10 @@ def places(who: str, c: Table) -> tuple[Table, bool]:
         hint = "they are in radians, degrees are needed"
     elif _place_misfit(c["lat"], c["lon"], {"easting": c["northing"], "northing": c["easting"]}) < 0.1:
         hint = "easting and northing are swapped"
+    for key, what in _ANGLES.items():
+        turned = {**c, key: -c[key]}
+        if _place_misfit(turned["lat"], turned["lon"], c) < 0.1:
+            hint = f"the sign of the {what} is the other one"
     for what, factor in (("feet", 0.3048), ("kilometres", 1e3)):
         if _place_misfit(c["lat"], c["lon"], {key: factor * c[key] for key in ("easting", "northing")}) < 0.1:
             hint = f"easting and northing are in {what}, metres are needed"
@@ -264,12 +268,56 @@ def places(who: str, c: Table) -> tuple[Table, bool]:
     )
 
 
-def middles(channels: Table, blocks: Sequence[Array]) -> None:
-    """From line to line, too, places agree as in `places`: north-south lines alone show no wrong easting."""
+def signs(name: str, c: Table) -> None:
+    """A line wanders to either side of its track alike in degrees and in metres. Raises InputError for a wrong sign.
+
+    On a line to the east the motion shows no wrong sign of the latitude, and on one to the north none of the longitude.
+    What is left of either coordinate after a parabola over the track does: on the map and on the sphere it is the same.
+    """
+    good = np.logical_and.reduce([np.isfinite(c[key]) for key in ("lat", "lon", "easting", "northing")])
+    x, y = (c[key][good] - np.mean(c[key][good]) for key in ("easting", "northing"))
+    scale = max(np.ptp(x), np.ptp(y), 1.0)
+    for key, across, along in (("lat", y, x), ("lon", x, y)):
+        if good.sum() < 10 or np.ptp(along) < 2.0 * np.ptp(across):
+            continue
+        track = np.vander(along / scale, 3)
+        turned = np.unwrap(c[key][good], period=360.0)
+        left = [v - track @ np.linalg.lstsq(track, v)[0] for v in (across / scale, turned)]
+        degrees = np.degrees(scale / A_EARTH) / (1.0 if key == "lat" else np.cos(np.radians(np.mean(c["lat"][good]))))
+        wander = float(left[0] @ left[0])
+        if wander > 0.0 and -1.2 < left[0] @ left[1] / (wander * degrees) < -0.8:
+            raise InputError(
+                f"Line {name}: {_ANGLES[key]} {c[key][good][0]:.4f} falls where the map coordinate grows; "
+                "its sign is the other one."
+            )
+
+
+def middles(channels: Table, blocks: Sequence[Array], names: Sequence[str]) -> None:
+    """From line to line, too, places agree as in `places`: north-south lines alone show no wrong easting.
+
+    names : of the lines in `blocks`. Raises InputError, which names lines that are mirrored at the equator or at
+    Greenwich.
+    """
     keys = ("lat", "lon", "easting", "northing")
-    whole = [rows for rows in blocks if all(np.isfinite(channels[key][rows]).any() for key in keys)]
-    c = {key: np.array([np.nanmedian(channels[key][rows]) for rows in whole]) for key in keys}
-    if len(whole) > 1 and np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum() > 2e3:
+    whole = [k for k, rows in enumerate(blocks) if all(np.isfinite(channels[key][rows]).any() for key in keys)]
+    c = {key: np.array([np.nanmedian(channels[key][blocks[k]]) for k in whole]) for key in keys}
+    moved = np.hypot(np.diff(c["easting"]), np.diff(c["northing"])).sum()
+    allowed = max(0.1, 2e3 / max(moved, 1.0))
+    if len(whole) < 2 or _place_misfit(c["lat"], c["lon"], c) < allowed:
+        return
+    found = []
+    for key, what in _ANGLES.items():
+        for sign in (1.0, -1.0):
+            other = {**c, key: sign * np.abs(c[key])}
+            if _place_misfit(other["lat"], other["lon"], c) < allowed:
+                found.append((what, c[key], np.flatnonzero(other[key] != c[key])))
+    if found:
+        what, values, lines = min(found, key=lambda one: len(one[2]))
+        wrong = ", ".join(names[whole[k]] for k in lines)
+        raise InputError(
+            f"Line {wrong}: {what} {values[lines[0]]:.4f} is that of the other lines with the other sign; correct it."
+        )
+    if moved > 2e3:
         places("The middles of the lines", c)
 
 

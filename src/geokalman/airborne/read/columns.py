@@ -136,7 +136,7 @@ def is_number(word: str) -> bool:
 
 
 def is_value(word: str) -> bool:
-    """Whether a word is a number or a null, so that it may stand in a column of numbers."""
+    """Whether a word is a number or a null, so that it may be in a column of numbers."""
     return _value(word) is not None
 
 

@@ -15,7 +15,7 @@ from geokalman.airborne.read.columns import (
     LABELS, Table, blanked, column_name, full_rows, is_number, is_ruler, is_value, line_number,
 )  # fmt: skip
 from geokalman.airborne.read.layout import is_unit
-from geokalman.reading import Place
+from geokalman.reading import Place, counted
 
 _COMMENTS = "/#!%"
 _HEADER = re.compile(r"(line|tie|base|test|trend|special|random)(?:\s+(.*))?", re.I)
@@ -35,7 +35,7 @@ class _Names(NamedTuple):
 def read_delimited(path: Path | str) -> Table:
     """Read separated columns under one row of names, or a Geosoft XYZ: `Line 10` or `Tie 20` before each line.
 
-    The names stand in the last row or comment before the data that has as many words as the first row of data. Units
+    The names are in the last row or comment before the data that has as many words as the first row of data. Units
     may follow them in brackets or in a row of their own. Where an XYZ has no column LINE, its headers make one.
     Raises InputError for a file without names or data, a row of another length, and a line header without a number.
     """
@@ -113,7 +113,7 @@ def _words(table: Table, names: _Names, texts: Sequence[str]) -> Iterator[list[s
             words.pop()
         if len(words) != wanted:
             known = f"row {names.place.line} names {wanted} columns"
-            raise table.error(f"{len(words)} values stand in this row; {known}.", k)
+            raise table.error(f"this row has {counted(len(words), 'value')}; {known}.", k)
         yield words
 
 

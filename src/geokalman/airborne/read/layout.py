@@ -95,13 +95,17 @@ class Layout:
         references = {ours: column for ours, column in self.references.items() if column in table}
         return replace(self, columns=there, references=references), notes
 
+    def dimensions(self) -> dict[str, str]:
+        """What each column measures: none (a number), time, angle, length or acceleration."""
+        found = dict.fromkeys((*self.corrections, *self.references.values()), "acceleration")
+        return found | {column: _DIMENSION.get(ours, "acceleration") for ours, column in self.columns.items()}
+
     def factors(self, table: Table) -> tuple[dict[str, float], list[str], list[str]]:
         """Factor of each column to mGal, metres, seconds or degrees; columns whose unit is of another kind, or unknown.
 
         The unit is the file's own where the file gives one that is known, else that of the layout.
         """
-        dimension = dict.fromkeys((*self.corrections, *self.references.values()), "acceleration")
-        dimension |= {column: _DIMENSION.get(ours, "acceleration") for ours, column in self.columns.items()}
+        dimension = self.dimensions()
         usual = {"acceleration": IN_MGAL[self.acceleration]}
         out, odd = {}, []
         unknown = [

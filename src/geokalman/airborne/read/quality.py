@@ -9,7 +9,7 @@ from geokalman.airborne import corrections
 from geokalman.airborne.read.checks import ROWS, at
 from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import Layout
-from geokalman.airborne.model import Array
+from geokalman.airborne.model import METRE, Array
 from geokalman.reading import InputError
 
 ALLOWED = {"latitude": 1.0, "eotvos": 10.0, "free_air": 0.62}
@@ -19,6 +19,12 @@ WINDOW = 100.0
 """Seconds over which apparent gravity is averaged before it is judged."""
 STRONGEST = 500.0
 """No gravity disturbance, with the bias of an accelerometer on it, is larger [mGal]."""
+FOLLOWS = 0.95
+"""From this correlation of f3' with the second difference of the height on, the two agree at the rate of the file."""
+ENOUGH = 64
+"""Epochs of a line from which on it shows periods of up to 32 steps."""
+EXCESS = 3.0
+"""White noise of the height has one level at all periods (a ratio of 1); aliasing of f3' is larger at the long ones."""
 
 
 def agree(name: str, c: Table, references: Table, layout: Layout) -> None:
@@ -34,6 +40,22 @@ def agree(name: str, c: Table, references: Table, layout: Layout) -> None:
 def height_correlation(f3: Array, height: Array) -> float:
     """Correlation of the vertical specific force with the second difference of the height: near 1 unless aliased."""
     return float(np.corrcoef(np.diff(height, 2), f3[1:-1])[0, 1])
+
+
+def height_noise(f3: Array, height: Array, dt: float) -> tuple[float, float]:
+    """Standard deviation [m] that white noise of the height would need for its misfit to f3', at short and long periods.
+
+    The spectrum of d2h/dt2 - f3' over that of the second difference, (2 sin(w/2))^4 / dt^4, is the square: flat where
+    the height is noisy, but falling as w^-4 where f3' is (aliased vibration, say), which the filter integrates twice.
+    f3 (n,) [mGal]; height (n,) [m]; dt [s]. Short are periods of 2 to 4 steps, long those of 4 to 32.
+    """
+    misfit = np.diff(height, 2) - f3[1:-1] * dt**2 / METRE
+    window = np.hanning(len(misfit))
+    w = 2.0 * np.pi * np.arange(1, len(misfit) // 2 + 1) / len(misfit)
+    power = np.abs(np.fft.rfft((misfit - misfit.mean()) * window)[1:]) ** 2 / (2.0 * np.sin(0.5 * w)) ** 4
+    short = w > np.pi / 2
+    long = (w > np.pi / 16) & ~short
+    return tuple(float(np.sqrt(power[band].mean() / (window @ window))) for band in (short, long))
 
 
 def _raw(name: str, c: Table, references: Table) -> None:

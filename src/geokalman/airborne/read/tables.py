@@ -1,7 +1,7 @@
 """Survey files as tables of columns: CSV, Geosoft XYZ, fixed width with a DFN, and the packed vendored file.
 
 A table is a dict of column name -> (n,) float array (NaN where the file has a null); names are upper case with
-underscores, however the file writes them. Compression and format are told by the first bytes.
+underscores, however the file writes them. Compression and format are recognised by the first bytes.
 """
 
 from __future__ import annotations
