@@ -14,9 +14,11 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, plain
-from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import (
+    cholesky_upper, copy, copy_state, copy_vector, root_semidefinite, solve_lower, solve_upper, symmetrise,
+)  # fmt: skip
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
-from geokalman.kalman.linear import Transition, steps
+from geokalman.kalman.linear import Transition, rows_seen, steps
 
 
 @njit(cache=True)
@@ -27,31 +29,16 @@ def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.n
     y : (n,); Y : (n, n); z : (m,); H : (m, n); R : (m, m).
     Returns 0, or k >= 1 where R is not positive definite in observed component k - 1.
     """
-    m, n = H.shape
-    seen = np.empty(m, np.int64)
-    count = 0
-    for a in range(m):
-        if not np.isnan(z[a]):
-            seen[count] = a
-            count += 1
-    U, rows, values = np.empty((count, count)), np.empty((count, n)), np.empty((count, 1))
-    for b in range(count):
-        for d in range(count):
-            U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        for j in range(n):
-            rows[b, j] = H[seen[b], j]
-        values[b, 0] = z[seen[b]]
+    seen, values, rows, U = rows_seen(z, H, R)
+    if seen.size == 0:
+        return 0
     status = cholesky_upper(U, U)
     if status != 0:
         return status
     solve_lower(U, rows)
-    solve_lower(U, values)
-    for b in range(count):
-        for i in range(n):
-            if rows[b, i] != 0.0:
-                y[i] += rows[b, i] * values[b, 0]
-                for j in range(n):
-                    Y[i, j] += rows[b, i] * rows[b, j]
+    solve_lower(U, values.reshape((seen.size, 1)))
+    copy(Y + rows.T @ rows, Y)
+    copy_vector(y + rows.T @ values, y)
     return 0
 
 
@@ -62,58 +49,22 @@ def information_noise_step(y: np.ndarray, Y: np.ndarray, G: np.ndarray) -> None:
     J = Y G' (I + G Y G')^-1,   Y = (I - J G) Y (I - J G)' + J J',   y = y - J G y.
     y : (n,); Y : (n, n) positive semidefinite; G : (n, n), Q = G' G.
     """
-    n = y.shape[0]
-    W, A = np.zeros((n, n)), np.zeros((n, n))  # G Y and I + G Y G'
-    for i in range(n):
-        for k in range(n):
-            if G[i, k] != 0.0:
-                for j in range(n):
-                    W[i, j] += G[i, k] * Y[k, j]
-    for i in range(n):
-        A[i, i] = 1.0
-        for k in range(n):
-            for j in range(n):
-                A[i, j] += W[i, k] * G[j, k]
+    identity = np.eye(y.size)
+    W = G @ Y
+    A = identity + W @ G.T
     cholesky_upper(A, A)  # its eigenvalues are at least one
-    J = W  # J' after the solves
-    solve_lower(A, J)
-    solve_upper(A, J)
-    B = np.zeros((n, n))  # (I - J G)'
-    for i in range(n):
-        B[i, i] = 1.0
-        for k in range(n):
-            if G[k, i] != 0.0:
-                for j in range(n):
-                    B[i, j] -= G[k, i] * J[k, j]
-    _congruence(Y, y, B)
-    for k in range(n):
-        for i in range(n):
-            for j in range(n):
-                Y[i, j] += J[k, i] * J[k, j]
+    solve_lower(A, W)
+    solve_upper(A, W)  # W is J' now
+    _congruence(Y, y, identity - G.T @ W)
+    copy(Y + W.T @ W, Y)
     symmetrise(Y)
 
 
 @njit(cache=True)
 def _congruence(Y: np.ndarray, y: np.ndarray, B: np.ndarray) -> None:
     """Replace Y by B' Y B and y by B' y."""
-    n = y.shape[0]
-    T = np.zeros((n, n))
-    u = np.zeros(n)
-    for i in range(n):
-        for k in range(n):
-            for j in range(n):
-                T[i, j] += Y[i, k] * B[k, j]
-        for j in range(n):
-            u[j] += B[i, j] * y[i]
-    for i in range(n):
-        y[i] = u[i]
-        for j in range(n):
-            Y[i, j] = 0.0
-    for k in range(n):
-        for i in range(n):
-            if B[k, i] != 0.0:
-                for j in range(n):
-                    Y[i, j] += B[k, i] * T[k, j]
+    copy(B.T @ Y @ B, Y)
+    copy_vector(B.T @ y, y)
     symmetrise(Y)
 
 
@@ -148,35 +99,17 @@ def combine_step(
     x, y, x_out : (n,); P, Y, P_out : (n, n). Outputs must not overlap inputs.
     Returns 0, or k >= 1 where P has a negative pivot in row k - 1.
     """
-    n = x.shape[0]
-    U, A, W = np.empty((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    n = x.size
+    U = np.empty((n, n))
     status = root_semidefinite(P, U)
     if status != 0:
         return status
-    for i in range(n):
-        for k in range(n):
-            if U[i, k] != 0.0:
-                for j in range(n):
-                    W[i, j] += U[i, k] * Y[k, j]
-    for i in range(n):
-        A[i, i] = 1.0
-        for j in range(n):
-            for k in range(n):
-                A[i, j] += W[i, k] * U[j, k]
+    A = np.eye(n) + U @ Y @ U.T
     cholesky_upper(A, A)  # its eigenvalues are at least one
     solve_lower(A, U)
-    for i in range(n):
-        for j in range(n):
-            P_out[i, j] = 0.0
-    for k in range(n):
-        for i in range(n):
-            for j in range(n):
-                P_out[i, j] += U[k, i] * U[k, j]
-    for i in range(n):
-        x_out[i] = x[i]
-    for i in range(n):
-        for j in range(n):
-            x_out[j] += P_out[i, j] * y[i]
+    copy(U.T @ U, P_out)
+    symmetrise(P_out)
+    copy_vector(x + P_out @ y, x_out)
     return 0
 
 
@@ -186,33 +119,15 @@ def information_state_step(y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_ou
 
     Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
     """
-    n = y.shape[0]
-    U, W = np.empty((n, n)), np.zeros((n, n))
+    U, W = np.empty(Y.shape), np.eye(y.size)
     status = cholesky_upper(Y, U)
     if status != 0:
         return status
-    for i in range(n):
-        W[i, i] = 1.0
-        x_out[i] = 0.0
-        for j in range(n):
-            P_out[i, j] = 0.0
     solve_lower(U, W)
-    for k in range(n):
-        for i in range(k + 1):
-            for j in range(k + 1):
-                P_out[i, j] += W[k, i] * W[k, j]
-    for i in range(n):
-        for j in range(n):
-            x_out[j] += P_out[i, j] * y[i]
+    copy(W.T @ W, P_out)
+    symmetrise(P_out)
+    copy_vector(P_out @ y, x_out)
     return 0
-
-
-@njit(cache=True)
-def _add_product(sign: float, Y: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
-    for i in range(u.shape[0]):
-        if u[i] != 0.0:
-            for j in range(u.shape[0]):
-                y[j] += sign * u[i] * Y[i, j]
 
 
 @njit(cache=True)
@@ -230,12 +145,11 @@ def backward_loop(
     """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the
     end.
 
-    z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input of each step.
+    z, H, R, Phi, step as in `smoothing.rts_loop` and `Sensor`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input of each step.
     Returns (epoch, status) of an R without full rank, or (-1, 0).
     """
     last = z.shape[0] - 1
-    y[last] = 0.0
-    Y[last] = 0.0
+    copy_state(np.zeros(y.shape[1]), np.zeros(Y.shape[1:]), y[last], Y[last])
     for k in range(last - 1, -1, -1):
         copy_state(y[k + 1], Y[k + 1], y[k], Y[k])
         H_k = H[k + 1] if H.shape[0] > 1 else H[0]
@@ -243,7 +157,7 @@ def backward_loop(
         status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
         if status != 0:
             return k + 1, status
-        _add_product(-1.0, Y[k], u[k], y[k])
+        copy_vector(y[k] - Y[k] @ u[k], y[k])
         information_back_step(y[k], Y[k], Phi[step[k]], G[step[k]])
     return -1, 0
 
@@ -269,7 +183,7 @@ def forward_loop(
         if k > 0:
             copy_state(y[k - 1], Y[k - 1], y[k], Y[k])
             information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
-            _add_product(1.0, Y[k], u[k - 1], y[k])
+            copy_vector(y[k] + Y[k] @ u[k - 1], y[k])
         H_k = H[k] if H.shape[0] > 1 else H[0]
         R_k = R[k] if R.shape[0] > 1 else R[0]
         status = information_update_step(y[k], Y[k], z[k], H_k, R_k)
