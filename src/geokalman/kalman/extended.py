@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
-from geokalman.kalman.linear import predict_step, update_step
+from geokalman.kalman.linear import joint_update_step, predict_step, refuse
+
 
 def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
     """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), linearised at posterior.mean.
@@ -45,17 +46,7 @@ def update(prior: Gaussian, z, h, H, R) -> tuple[Gaussian, Innovation]:
     x, P = gaussian(*prior)
     z = array("z", z, None, missing=True)
     m = len(z)
-    return _update(x, P, z, array("h", h, m), array("H", H, m, len(x)), covariance("R", R, m))
-
-
-def _update(x, P, z, h, H, R) -> tuple[Gaussian, Innovation]:
-    residual, S, whitened = z - h, H @ P @ H.T + R, np.full(len(z), np.nan)
-    seen = np.flatnonzero(~np.isnan(z))
-    if seen.size:
-        S_seen, w_seen = np.empty((seen.size, seen.size)), np.empty(seen.size)
-        status = update_step(x, P, residual[seen], H[seen], R[np.ix_(seen, seen)], S_seen, w_seen)
-        if status != 0:
-            detail = f"the pivot of observed component {status - 1} is not positive"
-            raise NotPositiveDefinite("innovation covariance", detail=detail)
-        whitened[seen] = w_seen
+    H, R = array("H", H, m, len(x)), covariance("R", R, m)
+    residual, S, whitened = z - array("h", h, m), H @ P @ H.T + R, np.full(m, np.nan)
+    refuse(joint_update_step(x, P, residual, H, R, whitened))
     return Gaussian(x, P), Innovation(residual, 0.5 * (S + S.T), whitened)

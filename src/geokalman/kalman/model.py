@@ -51,6 +51,20 @@ def is_kernel(function: Callable, signature) -> bool:
     return code is not None and code.co_argcount == len(signature.args)
 
 
+def checked_once(check: Callable, name: str, function: Callable, *shape: int | None) -> Callable:
+    """Wrap a function: its first value passes check(name, value, *shape), later ones are trusted."""
+    trusted = False
+
+    def checked(*arguments):
+        nonlocal trusted
+        value = function(*arguments)
+        if not trusted:
+            value, trusted = check(name, value, *shape), True
+        return value
+
+    return checked
+
+
 @dataclass(frozen=True, kw_only=True)
 class Manifold:
     """A state space that is not flat: x [+] d retracts an error d (n,) into a state, y [-] x is the error from x to y.
@@ -69,25 +83,18 @@ class Manifold:
         """Are both functions compiled?"""
         return is_jitted(self.retract) and is_jitted(self.difference)
 
-    def kernels(self) -> tuple[Callable, Callable]:
-        """Both functions with the compiled signatures; Python functions wrapped, what they give first is checked."""
+    def kernels(self, nx: int) -> tuple[Callable, Callable]:
+        """Both functions with the compiled signatures, for states of nx numbers."""
         if is_kernel(self.retract, RETRACT) and is_kernel(self.difference, DIFFERENCE):
             return self.retract, self.difference
-        checked = set()
+        of_x = checked_once(array, "retract(x, d)", self.retract, nx)
+        to_y = checked_once(array, "difference(x, y)", self.difference, self.n)
 
         def retract(x, d, x_out):
-            value = self.retract(x, d)
-            if "retract" not in checked:
-                value = array("retract(x, d)", value, len(x_out))
-                checked.add("retract")
-            x_out[:] = value
+            x_out[:] = of_x(x, d)
 
         def difference(x, y, d):
-            value = self.difference(x, y)
-            if "difference" not in checked:
-                value = array("difference(x, y)", value, self.n)
-                checked.add("difference")
-            d[:] = value
+            d[:] = to_y(x, y)
 
         return retract, difference
 

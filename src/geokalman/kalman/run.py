@@ -16,7 +16,7 @@ from geokalman.kalman.loop import (
     DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, Course, Motion,
     Options, Sensing, compiled, loop, no_observation, no_propagation,
 )  # fmt: skip
-from geokalman.kalman.model import FLAT, OBSERVE, PROPAGATE, Manifold, Model, Sensor, is_kernel
+from geokalman.kalman.model import FLAT, OBSERVE, PROPAGATE, Manifold, Model, Sensor, checked_once, is_kernel
 from geokalman.kalman.unscented import spread
 
 Kind = Literal["extended", "unscented"]
@@ -62,7 +62,7 @@ def run(
     prior = gaussian(*prior) if space is FLAT else _on_manifold(prior, space)
     t, n = epochs(t, repeated=model.f is not None), len(prior.cov)
     N = len(t)
-    propagate, motion = _motion(model, t, n, code)
+    propagate, motion = _motion(model, t, len(prior.mean), n, code)
     observe, sensing = _sensing(sensors, N, n, code)
     options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, space, code)
     nx, M = len(prior.mean), sensing.z.shape[1]
@@ -82,9 +82,9 @@ def run(
     arrays = (judge, t, motion, sensing, options, course)
     if machine:
         observe += (no_observation,) * (FUNCTIONS - len(observe))
-        epoch, what, row = compiled()(propagate, *observe, *space.kernels(), *arrays)
+        epoch, what, row = compiled()(propagate, *observe, *space.kernels(nx), *arrays)
     else:
-        epoch, what, row = loop(propagate, observe, *space.kernels(), *arrays)
+        epoch, what, row = loop(propagate, observe, *space.kernels(nx), *arrays)
     last = N if what == 0 else epoch if what == MODEL else epoch + 1  # beyond, nothing was computed
     trajectory = Trajectory(
         t[:last], *(part[:last] for part in course[:5]), motion.Phi, motion.Q, motion.step[: max(last - 1, 0)],
@@ -143,7 +143,7 @@ def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifo
     )  # fmt: skip
 
 
-def _motion(model: Model, t: np.ndarray, n: int, kind: int):
+def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
     """The model as a function with the signature PROPAGATE and as arrays."""
     steps_count = len(t) - 1
     params = array("params of the model", model.params, None)
@@ -159,27 +159,20 @@ def _motion(model: Model, t: np.ndarray, n: int, kind: int):
     if model.Q is not None and not callable(model.Q):
         Q[:] = covariances("Q", model.Q, steps_count, n)
     motion = Motion(kind, inputs, params, Phi, Q, np.arange(steps_count))
-    return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, n, kind), motion
+    return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, nx, n, kind), motion
 
 
-def _propagation(model: Model, n: int, kind: int):
+def _propagation(model: Model, nx: int, n: int, kind: int):
     """Python functions f, F, Q as one with the signature PROPAGATE; what they give first is checked, then trusted."""
-    f, F, Q = model.f, model.F, model.Q if callable(model.Q) else None
+    f, F = model.f, model.F
     if kind == EXTENDED and F is None:
         raise ValueError("the model has no F: the extended filter needs the Jacobian of f")
     if model.Q is None:
         raise ValueError("the model has no Q: give the covariance of a step")
-    checked = False
+    f, F = checked_once(array, "f(x)", f, nx), checked_once(array, "F(x)", F, n, n)
+    Q = checked_once(covariance, "Q", model.Q, n) if callable(model.Q) else None
 
     def propagate(t0, t1, x, u, p, x_out, F_out, Q_out):
-        nonlocal checked
-        if not checked:
-            array("f(x)", f(x, t0, t1), len(x_out))
-            if F_out.size:
-                array("F(x)", F(x, t0, t1), n, n)
-            if Q is not None:
-                covariance("Q", Q(t0, t1), n)
-            checked = True
         x_out[:] = f(x, t0, t1)
         if F_out.size:
             F_out[:] = F(x, t0, t1)
@@ -195,15 +188,9 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
     h, H = sensor.h, sensor.H
     if kind == EXTENDED and H is None:
         raise ValueError(f"sensor {i} has no H: the extended filter needs the Jacobian of every sensor")
-    checked = False
+    h, H = checked_once(array, "h(x)", h, m), checked_once(array, "H(x)", H, m, n)
 
     def observe(t, x, u, p, h_out, H_out, R):
-        nonlocal checked
-        if not checked:
-            array("h(x)", h(x, t), m)
-            if H_out.size:
-                array("H(x)", H(x, t), m, n)
-            checked = True
         h_out[:] = h(x, t)
         if H_out.size:
             H_out[:] = H(x, t)
@@ -239,7 +226,6 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
         first=_offsets(width),
         kind=np.where(linear, LINEAR, kind),
         function=np.array([different.index(function) for function in functions]),
-        scalar=np.array([s.sequential and _diagonal(noise) for s, noise in zip(sensors, R, strict=True)]),
         sequential=np.array([s.sequential for s in sensors]),
         z=np.hstack(z),
         R=_side_by_side(R, diagonal=True),
@@ -249,10 +235,6 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
         params=np.concatenate(params),
         params_first=_offsets([values.size for values in params]),
     )
-
-
-def _diagonal(R: np.ndarray) -> bool:
-    return np.count_nonzero(R) == np.count_nonzero(np.diagonal(R, axis1=1, axis2=2))
 
 
 def _offsets(lengths: Sequence[int]) -> np.ndarray:
