@@ -1,4 +1,6 @@
-"""The estimator core: Gaussians in, Gaussians out. It knows no physics; numpy, scipy and numba only.
+"""The estimator core: Gaussians in, Gaussians out.
+
+It knows no physics, and imports numpy, scipy and numba only.
 
 model        Model, Sensor, Manifold: motion and instruments as matrices or functions, of Python or compiled
 run          run: all epochs by `loop`, the one filter loop: linear, extended, unscented, on manifolds

@@ -1,4 +1,4 @@
-"""Small dense kernels in explicit loops, which beat BLAS below n = 20 and compile in a second.
+"""Small dense kernels in explicit loops, which beat BLAS below n = 20.
 
 Every factor is upper triangular, A = U' U: its rows are contiguous, and row i is the i-th column of the usual lower
 root. A Cholesky factor without pivoting does not depend on the scaling of the rows and columns of A beyond rounding,
@@ -35,7 +35,7 @@ def copy_state(x, P, x_out, P_out):
 
 @njit(cache=True)
 def identity(n):
-    """The unit matrix (n, n); np.eye would compile for seconds."""
+    """Make the unit matrix (n, n); np.eye would compile for seconds."""
     out = np.zeros((n, n))
     for i in range(n):
         out[i, i] = 1.0
@@ -44,7 +44,7 @@ def identity(n):
 
 @njit(cache=True)
 def transposed(A):
-    """A' as an array of its own, so that every product has contiguous rows."""
+    """Copy A' into an array of its own, so that every product has contiguous rows."""
     out = np.empty((A.shape[1], A.shape[0]))
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -168,7 +168,10 @@ def root_semidefinite(A, G):
 
 @njit(cache=True)
 def solve_lower(U, B):
-    """Solve U' X = B in place of B (n, r), U (n, n) upper triangular: the forward half of a Cholesky solve."""
+    """Solve U' X = B in place of B: the forward half of a Cholesky solve.
+
+    U : (n, n) upper triangular; B : (n, r).
+    """
     n, r = B.shape
     for k in range(n):
         scale = 1.0 / U[k, k]
@@ -183,7 +186,10 @@ def solve_lower(U, B):
 
 @njit(cache=True)
 def solve_upper(U, B):
-    """Solve U X = B in place of B (n, r), U (n, n) upper triangular: the backward half of a Cholesky solve."""
+    """Solve U X = B in place of B: the backward half of a Cholesky solve.
+
+    U : (n, n) upper triangular; B : (n, r).
+    """
     n, r = B.shape
     for k in range(n - 1, -1, -1):
         for i in range(k + 1, n):

@@ -1,4 +1,4 @@
-"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h (a whole run: `run.run`)."""
+"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from geokalman.kalman.linear import joint_update_step, predict_step, refuse
 
 
 def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
-    """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), linearised at posterior.mean.
+    """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), linearised at its mean.
 
     mean = f,   cov = F cov F' + Q.
     f : (n,) the propagated mean; F : (n, n) = df/dx; Q : (n, n), positive semidefinite. Returns the next prior.
@@ -29,10 +29,9 @@ def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
 
 
 def update(prior: Gaussian, z, h, H, R) -> tuple[Gaussian, Innovation]:
-    """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), linearised at prior.mean (Joseph form).
+    """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), linearised at its mean.
 
-    z, h : (m,)   measured (NaN where missing) and predicted observation [sensor units]
-    H, R : (m, n), (m, m)
+    z, h : (m,), measured (NaN where missing) and predicted observation [sensor units]; H : (m, n) = dh/dx; R : (m, m).
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S.
     Source: grace-fusion (18)-(20).

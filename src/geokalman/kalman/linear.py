@@ -1,4 +1,4 @@
-"""The linear Kalman filter: predict, and update in Joseph form, jointly or component by component.
+"""The linear Kalman filter: predict; update in Joseph form, joint or by component.
 
 The functions named ``*_step`` are compiled kernels on plain float64 arrays, callable from Python and by name from a
 compiled loop; they trust their arguments. Above them stand the same operations on Gaussians, checked at the border.
@@ -146,7 +146,7 @@ def joint_update_step(x, P, residual, H, R, whitened):
 
 @njit(cache=True)
 def observed_update_step(x, P, z, H, R, sequential, whitened):
-    """Condition N(x, P) on the components of z = H x + v, v ~ N(0, R), that are not NaN, in place.
+    """Condition N(x, P) on the seen components of z = H x + v, v ~ N(0, R), in place.
 
     x : (n,); P : (n, n); z : (m,); H : (m, n); R : (m, m); output whitened : (m,), NaN where z is.
     sequential : one scalar update per component, after H and z were decorrelated by the Cholesky factor of R where R is
@@ -189,7 +189,7 @@ def _diagonal(A):
 
 @njit(cache=True)
 def rows_seen(z, H, R):
-    """Places of the components of z that are not NaN, and copies of z, the rows of H and R (symmetric) of them."""
+    """Select what is not NaN: the places in z, and copies of z, rows of H and R there."""
     m, n = H.shape
     seen = np.empty(m, np.int64)
     count = 0
@@ -228,9 +228,10 @@ def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
 
 
 def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian, Innovation]:
-    """Condition a Gaussian on z = H x + v, v ~ N(0, R) (Joseph form), jointly or component by component.
+    """Condition a Gaussian on z = H x + v, v ~ N(0, R), in Joseph form.
 
-    z : (m,) measured, NaN where a component is missing [sensor units]; H : (m, n); R : (m, m).
+    z : (m,) measured, NaN where a component is missing [sensor units]; H : (m, n); R : (m, m); sequential : one
+    component after the other, else jointly.
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S or R.
     Source: grace-fusion (18)-(20).
@@ -251,11 +252,14 @@ def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian
 
 
 def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is
-    which.
+    """Check a transition and give its different steps between the epochs.
 
     transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
-    (Phi, Q), called once for each different step; t : (N,) checked epochs. Raises ValueError for wrong shapes.
+    (Phi, Q), called once for each different step; t : (N,) checked epochs.
+    Returns Phi, Q : (K, n, n), and step : (N - 1,), the index into them. Raises ValueError for wrong shapes.
+
+    >>> steps(lambda h: ([[1.0]], [[h]]), np.array([0.0, 1.0, 3.0, 4.0]), 1)[2].tolist()
+    [0, 1, 0]
     """
     count = len(t) - 1
     if callable(transition):

@@ -1,4 +1,4 @@
-"""The filter loop: all epochs and sensors forward, for every model and kind of filter, in one function.
+"""The one filter loop: all epochs and sensors forward, whatever model and kind of filter.
 
 `run` checks what a user gives and hands plain arrays to `loop`. Where the functions of model and sensors are compiled,
 so is the loop (`compiled`); where they are Python functions, the same lines run as Python.
@@ -84,7 +84,10 @@ class Options(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What the loop fills; row 0 of the predictions holds the prior. weights : (N, M), alpha : (N,) of the hook."""
+    """What the loop fills; row 0 of the predictions holds the prior.
+
+    whitened : (N, M); alpha : (N,), weights : (N, M) of the hook; else as in a `Trajectory`.
+    """
 
     predicted_mean: np.ndarray
     predicted_cov: np.ndarray
@@ -112,7 +115,7 @@ def _block(A, first, out):
 
 @register_jitable
 def _innovation(observe, linear, t, x, z, u, p, h, H, R):
-    """h = z - h(x), with the H and R of this state. Returns a status."""
+    """Write z - h(x) into h, with the H and R of this state. Returns a status."""
     if linear:
         status = 0
         for a in range(h.size):
@@ -143,7 +146,7 @@ def _adapted(judge, options, x, P, residual, H, R, whitened, weights):
 
 @register_jitable
 def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R_all, first, R, x, P, whitened):
-    """Update by one linearisation or several, with a gate, on a manifold. Returns (what failed, status)."""
+    """Update by linearisation, once or more, with a gate. Returns (what failed, status)."""
     prior, P_prior, d, moved, white = x.copy(), P.copy(), np.zeros(P.shape[0]), np.empty(x.size), whitened.copy()
     squares = 0.0
     for i in range(options.iterations):
@@ -174,7 +177,10 @@ def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R
 
 
 def loop(propagate, observe, retract, difference, judge, t, motion, sensing, options, course):
-    """Filter all epochs. Returns (epoch, what, row): what failed, a code from above, in which row; or (-1, 0, 0)."""
+    """Filter all epochs.
+
+    Returns (epoch, what, row): what failed, a code from above, in which row; or (-1, 0, 0).
+    """
     N, M = sensing.z.shape
     n = course.cov.shape[1]
     points, nothing = 2 * n + 1, np.empty((0, 0))
@@ -268,7 +274,7 @@ _jitable = register_jitable(loop)
 
 
 def _four(propagate, a, b, c, d, retract, difference, judge, t, motion, sensing, options, course):
-    """Run `loop` with its tuple of functions made inside: numba warns of each that comes from outside."""
+    """Run `loop` with a tuple of functions made here: numba warns of one from outside."""
     return _jitable(propagate, (a, b, c, d), retract, difference, judge, t, motion, sensing, options, course)
 
 

@@ -1,4 +1,4 @@
-"""Run a filter over epochs and sensors: what a user gives is checked here, once, and handed to the loop."""
+"""Run a filter over epochs and sensors: what a user gives is checked, then filtered."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(
     gate: float = np.inf,
     adaptive: Adaptive | None = None,
 ) -> Trajectory:
-    """Filter N epochs of several sensors; the sensors of an epoch are processed in their order.
+    """Filter N epochs of several sensors, those of an epoch in their order.
 
     prior : Gaussian at t[0], before the observations of that epoch; t : (N,) [s], increasing, or with equal neighbours
     where f is a function; model, sensors : see `Model` and `Sensor`; kind : how what is not linear is treated,
@@ -144,7 +144,7 @@ def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifo
 
 
 def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
-    """The model as a function with the signature PROPAGATE and as arrays."""
+    """Give the model as a function with the signature PROPAGATE and as arrays."""
     steps_count = len(t) - 1
     params = array("params of the model", model.params, None)
     inputs = model.inputs
@@ -163,7 +163,7 @@ def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
 
 
 def _propagation(model: Model, nx: int, n: int, kind: int):
-    """Python functions f, F, Q as one with the signature PROPAGATE; what they give first is checked, then trusted."""
+    """Join Python functions f, F, Q to one with the signature PROPAGATE."""
     f, F = model.f, model.F
     if kind == EXTENDED and F is None:
         raise ValueError("the model has no F: the extended filter needs the Jacobian of f")
@@ -184,7 +184,7 @@ def _propagation(model: Model, nx: int, n: int, kind: int):
 
 
 def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
-    """Python functions h, H as one with the signature OBSERVE; what they give first is checked, then trusted."""
+    """Join Python functions h, H to one with the signature OBSERVE."""
     h, H = sensor.h, sensor.H
     if kind == EXTENDED and H is None:
         raise ValueError(f"sensor {i} has no H: the extended filter needs the Jacobian of every sensor")
@@ -200,7 +200,7 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
 
 
 def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
-    """The sensors as functions with the signature OBSERVE and as arrays."""
+    """Give the sensors as functions with the signature OBSERVE and as arrays."""
     if not sensors:
         raise ValueError("there is no sensor: give at least one")
     z = [array(f"z of sensor {i}", s.z, N, None, missing=True) for i, s in enumerate(sensors)]
@@ -242,7 +242,7 @@ def _offsets(lengths: Sequence[int]) -> np.ndarray:
 
 
 def _side_by_side(stacks: Sequence[np.ndarray], diagonal: bool) -> np.ndarray:
-    """One stack (K, M, M), block diagonal, or (K, M, n), one below the other, from those of the sensors."""
+    """Join the stacks of the sensors to (K, M, M), block diagonal, or (K, M, n)."""
     if len(stacks) == 1:
         return stacks[0]
     K = max(len(stack) for stack in stacks)

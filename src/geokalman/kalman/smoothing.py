@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); `information` has the two-filter form of the same.
+"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965).
 
 On a manifold the error lives in a tangent space, R^n: the smoother estimates it again from the next epoch, and a
 retraction puts it into the state (Lefferts, Markley & Shuster 1982, J. Guidance 5(5), 417-429).
@@ -39,7 +39,7 @@ def rts_mean_step(x, P, x_predicted, P_predicted, Phi, x_next, x_out):
 
 @njit(cache=True)
 def rts_step(x, P, x_predicted, P_predicted, Phi, Q, x_next, P_next, x_out, P_out):
-    """Smooth one epoch; the covariance is a sum of squares, so it stays symmetric and positive.
+    """Smooth one epoch; its covariance is a sum of squares, symmetric and positive.
 
     C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
     P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
@@ -60,8 +60,9 @@ def rts_step(x, P, x_predicted, P_predicted, Phi, Q, x_next, P_next, x_out, P_ou
 
 @njit(cache=True)
 def rts_loop(mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_out):
-    """Smooth N epochs backward: arrays as in a `Trajectory`, Phi, Q : (K, n, n) chosen by step : (N - 1,).
+    """Smooth N epochs backward.
 
+    Arrays as in a `Trajectory`, Phi, Q : (K, n, n) chosen by step : (N - 1,).
     Outputs x_out : (N, n) and P_out : (N, n, n), or (0, n, n) where no covariances are wanted. Returns (epoch, status)
     of the first predicted covariance that is not positive definite, or (-1, 0).
     """
@@ -82,8 +83,9 @@ def rts_loop(mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_ou
 
 
 def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_out):
-    """Smooth N epochs backward: d = C (x_next [-] predicted), C = P Phi' P_predicted^-1, x_out = mean [+] d.
+    """Smooth N epochs on a manifold backward.
 
+    d = C (x_next [-] predicted),  C = P Phi' P_predicted^-1,  x_out = mean [+] d.
     Arrays as in `rts_loop`, with states (N, nx) and errors of n components; outputs x_out : (N, nx) and
     P_out : (N, n, n). Returns (epoch, status) of the first predicted covariance without a root, or (-1, 0).
     """

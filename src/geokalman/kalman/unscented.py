@@ -1,4 +1,4 @@
-"""The scaled unscented Kalman filter: sigma points, transform, update; written in differences so that nothing cancels.
+"""The scaled unscented Kalman filter, written in differences so that nothing cancels.
 
 With n + lambda = alpha^2 (n + kappa) = c^2 the textbook weights are Wm0 = lambda / c^2, Wc0 = Wm0 + 1 - alpha^2 + beta
 and Wi = 1 / (2 c^2). They add up to one, so with d_i = (gamma_i+ - gamma_i-) / (2 c) and s_i = (gamma_i+ - 2 gamma_0 +
@@ -29,8 +29,9 @@ from geokalman.kalman.linear import refuse, rows_seen, whiten
 
 @njit(cache=True)
 def sigma_points_step(x, P, c, chi, U):
-    """Draw the sigma points of N(x, P): chi_0 = x, chi_(2i-1) = x - c p_i, chi_(2i) = x + c p_i.
+    """Draw the sigma points of N(x, P).
 
+    chi_0 = x,  chi_(2i-1) = x - c p_i,  chi_(2i) = x + c p_i.
     x : (n,); P : (n, n); c = sqrt(n + lambda) from `spread`; outputs chi : (2 n + 1, n) and U : (n, n) upper triangular
     with P = U' U, whose row i - 1 is p_i, i = 1..n.
     Returns 0, or k >= 1 when P is not positive definite in row k - 1.
@@ -50,9 +51,10 @@ def sigma_points_step(x, P, c, chi, U):
 
 @njit(cache=True)
 def transform_step(gamma, noise, c, w, mean, D, remainder, cov):
-    """Mean and covariance of y = h(x) + v from the transformed sigma points (module docstring).
+    """Compute mean and covariance of y = h(x) + v from the images of the sigma points.
 
-    gamma : (2 n + 1, m) images of the sigma points, in their order; noise : (m, m), of v ~ N(0, noise); c, w from
+    They are the sums of the module docstring.
+    gamma : (2 n + 1, m) images, in the order of the points; noise : (m, m), of v ~ N(0, noise); c, w from
     `spread`. Outputs mean : (m,); D : (n, m) rows d_i; remainder : (m, m) = cov - D' D; cov : (m, m).
     """
     n, m = D.shape
@@ -115,7 +117,7 @@ def unscented_update_step(x, P, U, gamma, z, R, c, w, S, whitened):
 
 @njit(cache=True)
 def seen_update_step(x, P, U, gamma, z, R, c, w, whitened):
-    """Condition N(x, P) on the components of z that are not NaN, given all images gamma, in place.
+    """Condition N(x, P) on the components of z that are not NaN, given gamma, in place.
 
     Arguments as in `unscented_update_step`; whitened stays as it is where z is NaN.
     Returns 0, or k >= 1 when the innovation covariance is not positive definite in component k - 1.
@@ -131,10 +133,14 @@ def seen_update_step(x, P, U, gamma, z, R, c, w, whitened):
 
 
 def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, float]:
-    """Scale the sigma points:  c = sqrt(n + lambda) = alpha sqrt(n + kappa), w = beta - alpha^2.
+    """Scale the sigma points.
 
+    c = sqrt(n + lambda) = alpha sqrt(n + kappa),  w = beta - alpha^2.
     n : number of states; alpha > 0, beta, kappa > -n : the parameters of the scaled transform (Julier 2002).
     Raises ValueError where n + lambda is not positive.
+
+    >>> spread(4, 0.5, 2.0, 0.0)
+    (1.0, 1.75)
     """
     alpha, beta, kappa = scalar("alpha", alpha), scalar("beta", beta), scalar("kappa", kappa)
     if not (alpha > 0.0 and n + kappa > 0.0):
