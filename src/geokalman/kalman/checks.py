@@ -1,4 +1,4 @@
-"""Checks at the border of the core: shapes, finite numbers, covariances; one error each.
+"""Checks at the border of the core: shapes, finite numbers, covariances; one error each."""
 
 from __future__ import annotations
 
@@ -38,9 +38,13 @@ def _rebuild(message: str, matrix: str, epoch: int | None, t: float | None) -> N
 def plain(name: str, value, missing: bool = False) -> np.ndarray:
     """Give the value as float64 array; what carries more than numbers is refused.
 
-    An array of float64 is given as it is. An element that is masked, None, NA or NaT becomes NaN where `missing` admits it. Units, times, text, truth values,
-    complex numbers, sparse matrices and whole numbers beyond 2^53 raise ValueError, because their meaning would be
-    lost. The packages that bring them are recognised by their attributes, none is imported.
+    An array of float64 is given as it is. An element that is masked, None, NA or NaT becomes NaN where `missing` admits
+    it. Units, times, text, truth values, complex numbers, sparse matrices and whole numbers beyond 2^53 raise
+    ValueError, because their meaning would be lost. The packages that bring them are recognised by their attributes,
+    none is imported.
+
+    >>> plain("z", [1, None], missing=True).tolist()
+    [1.0, nan]
     """
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value

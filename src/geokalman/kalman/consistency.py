@@ -82,7 +82,7 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     """Compute two-sided bounds for the mean of independent chi-square values.
 
     It lies between them with `probability`.
-        dof : degrees of freedom of each value, one per run or epoch. Bounds are the quantiles of chi-square(sum of dof),
+    dof : degrees of freedom of each value, one per run or epoch. Bounds are the quantiles of chi-square(sum of dof),
     divided by the number of values with dof > 0.
     Raises ValueError where no degree of freedom is left or probability is not inside (0, 1).
     Source: Bar-Shalom, Li and Kirubarajan (2001), Estimation with Applications, section 5.4.

@@ -127,8 +127,8 @@ def cholesky_upper(A, U):
 def root_semidefinite(A, G):
     """Factor a positive semidefinite A = G' G, by `cholesky_upper` or else with pivoting.
 
-    With pivoting G is not triangular. The pivot is the largest relative to its A[k, k]; the factor ends, with rows of zeros, where all of them are below
-    10 n eps (eps the spacing of doubles), the rounding of the subtractions before.
+    With pivoting G is not triangular. The pivot is the largest relative to its A[k, k]; the factor ends, with rows of
+    zeros, where all of them are below 10 n eps (eps the spacing of doubles), the rounding of the subtractions before.
     A : (n, n) symmetric; G : (n, n) output, not A itself.
     Returns 0, or k >= 1 when the pivot of row k - 1 is negative beyond rounding.
     """

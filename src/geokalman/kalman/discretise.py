@@ -77,7 +77,8 @@ def white_jerk(h: float, q: float, axes: int = 3) -> tuple[np.ndarray, np.ndarra
     """Make the kinematic model [position; velocity; acceleration] driven by white jerk.
 
     Q = q [[h^5/20, h^4/8, h^3/6], [h^4/8, h^3/3, h^2/2], [h^3/6, h^2/2, h]] (x) I_axes.
-    h : step [s]; q : power density per axis [m^2 s^-5]. Returns Phi, Q : (3 axes, 3 axes). Raises ValueError as `integrated_white_noise`.
+    h : step [s]; q : power density per axis [m^2 s^-5].
+    Returns Phi, Q : (3 axes, 3 axes). Raises ValueError as `integrated_white_noise`.
     Source: grace-fusion (50), (51).
 
     >>> Phi, Q = white_jerk(10.0, 1.0, axes=1)

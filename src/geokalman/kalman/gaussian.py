@@ -50,7 +50,7 @@ class Information(NamedTuple):
     """A normal distribution by its information, matrix = cov^-1 and vector = cov^-1 mean.
 
     Zeros say that nothing is known.
-        vector : (n,); matrix : (n, n), symmetric positive semidefinite.
+    vector : (n,); matrix : (n, n), symmetric positive semidefinite.
     """
 
     vector: np.ndarray

@@ -106,7 +106,7 @@ def update_step(x, P, residual, H, R, S, whitened):
     solve_lower(U, K)
     solve_upper(U, K)
     add_vector_product(x, 1.0, residual, K)
-    add_product(P, -1.0, transposed(G), K)  # P (I - K H)', then what H leaves of it against R K', as in the scalar update
+    add_product(P, -1.0, transposed(G), K)  # P (I - K H)', then what H leaves of it against R K', as above
     add_product(u, -1.0, R, K)
     add_product(u, 1.0, H, P)
     add_product(P, -1.0, transposed(K), u)

@@ -47,7 +47,7 @@ class Motion(NamedTuple):
 class Sensing(NamedTuple):
     """All sensors as arrays: sensor s has the columns first[s] to first[s + 1] of z (N, M).
 
-    function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs and params likewise
+    function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs, params likewise
     side by side; sequential : a linear sensor's components are taken one after the other.
     """
 
@@ -237,6 +237,7 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
                 if status != 0:
                     return k, INNOVATION if status > 0 else NOISE, first + abs(status)
                 continue
+            function = observe[sensing.function[s]]
             u = sensing.inputs[k, sensing.inputs_first[s] : sensing.inputs_first[s + 1]]
             p = sensing.params[sensing.params_first[s] : sensing.params_first[s + 1]]
             if sensing.kind[s] == UNSCENTED:
@@ -245,7 +246,7 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
                     return k, DRAW, status
                 gamma, R_rest = gamma_all[: points * m].reshape((points, m)), R_spare[: m * m].reshape((m, m))
                 for i in range(points):  # the noise is that of the first point, the mean
-                    status = observe[sensing.function[s]](t[k], chi[i], u, p, gamma[i], nothing, R if i == 0 else R_rest)
+                    status = function(t[k], chi[i], u, p, gamma[i], nothing, R if i == 0 else R_rest)
                     if status != 0:
                         return k, SENSOR, status
                 status = seen_update_step(x, P, U, gamma, z, R, options.c, options.w, white)
@@ -255,7 +256,7 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
             h, H = h_all[:m], H_all[: m * n].reshape((m, n))
             if linear:
                 copy(H_k, H)
-            what, function = SENSOR, observe[sensing.function[s]]
+            what = SENSOR
             if options.adapt > 0:
                 status = _innovation(function, linear, t[k], x, z, u, p, h, H, R)
                 if status == 0:

@@ -44,7 +44,7 @@ def sigma_points_step(x, P, c, chi, U):
         chi[0, j] = x[j]
         for i in range(n):
             plus = x[j] + c * U[i, j]
-            chi[2 * i + 1, j] = x[j] - (plus - x[j])  # symmetric to the last bit: linear parts leave no second difference
+            chi[2 * i + 1, j] = x[j] - (plus - x[j])  # symmetric to the last bit: linear parts leave no s_i
             chi[2 * i + 2, j] = plus
     return 0
 

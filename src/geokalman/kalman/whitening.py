@@ -49,7 +49,8 @@ def whitening_loop(P, H, R, Phi, Q, step, columns, out):
 def whiten_columns(P0, t, H, R, transition: Transition, columns) -> np.ndarray:
     """Whiten columns (N, c) by a linear model with scalar observations and zero prior mean.
 
-    Their whitened innovations are W = C^(-1/2) A with C = cov(z) under the model and C^(-1/2) lower triangular, so W' W = A' C^-1 A.
+    Their whitened innovations are W = C^(-1/2) A with C = cov(z) under the model and C^(-1/2) lower triangular, so that
+    W' W = A' C^-1 A.
     P0 : (n, n) prior covariance at t[0]; t : (N,) [s]; H : (1, n) or (N, 1, n); R : (1, 1) or (N, 1, 1); transition :
     (Phi, Q) or a function of the step; columns : (N, c), data and design alike.
     Raises ValueError for wrong shapes, NotPositiveDefinite with the epoch.
