@@ -41,7 +41,7 @@ _real, _whole = types.float64, types.int64
 JUDGE = types.Tuple((_whole, _real))(
     _whole, matrix, vector, matrix, matrix, _real, _real, _real, _whole, vector, vector
 )  # fmt: skip
-"""Signature of `adapt_step` and `no_judgement`."""
+"""Signature of `adapt_step` and `_no_judgement`."""
 
 
 @njit(cache=True)
@@ -182,13 +182,12 @@ class Adaptive:
 
 
 @functools.cache
-def judgement():
-    """Compile the hooks, which only a run with a hook has to wait for."""
-    return njit([JUDGE], cache=True)(adapt_step)
+def judging_step(hook):
+    """Compile `adapt_step`, which only a run with a hook has to wait for, or its stand-in."""
+    return njit([JUDGE], cache=True)(adapt_step if hook else _no_judgement)
 
 
-@njit(JUDGE, cache=True)
-def no_judgement(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
+def _no_judgement(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
     """Stand in for `adapt_step` in a run without a hook."""
     return 1, 1.0
 

@@ -11,7 +11,6 @@ from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.special import gammaincc, gammaincinv
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, plain, scalar, whole
 
@@ -91,6 +90,8 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     >>> round(low, 2), round(high, 2)
     (3.46, 4.57)
     """
+    from scipy.special import gammaincinv  # a third of a second
+
     probability = scalar("probability", probability)
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
@@ -102,7 +103,7 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     if count == 0:
         raise ValueError("there is no degree of freedom: every epoch is missing")
     tail = 0.5 * (1.0 - probability)
-    low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count  # scipy.stats would take a second to import
+    low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count
     return float(low), float(high)
 
 
@@ -120,6 +121,8 @@ def whiteness(whitened, lags: int) -> Whiteness:
     >>> whiteness(w, 10).p_value > 0.01 > whiteness(np.cumsum(w, axis=0), 10).p_value
     True
     """
+    from scipy.special import gammaincc
+
     w = array("whitened", whitened, None, None, missing=True)
     N, m = w.shape
     lags = whole("lags", lags)

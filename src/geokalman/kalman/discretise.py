@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import comb, exp, expm1, factorial
 
 import numpy as np
-from scipy.linalg import expm
 
 from geokalman.kalman.checks import array, covariance, plain, scalar, whole
 
@@ -25,6 +24,8 @@ def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
     >>> Phi.round(12).tolist(), Q.round(12).tolist()
     ([[1.0, 2.0], [0.0, 1.0]], [[8.0, 6.0], [6.0, 6.0]])
     """
+    from scipy.linalg import expm  # a third of a second
+
     h, F = _positive("h", h), plain("F", F)
     n = len(F) if F.ndim else 1
     F = array("F", F, n, n)

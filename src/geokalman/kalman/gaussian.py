@@ -11,15 +11,8 @@ from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plai
 from geokalman.kalman.model import Manifold
 
 __all__ = [
-    "Gaussian",
-    "Information",
-    "Innovation",
-    "NotPositiveDefinite",
-    "Smoothed",
-    "Stopped",
-    "Trajectory",
-    "gaussian",
-]
+    "Gaussian", "Information", "Innovation", "NotPositiveDefinite", "Smoothed", "Stopped", "Trajectory", "gaussian",
+]  # fmt: skip
 
 
 class Stopped(ArithmeticError):

@@ -119,6 +119,11 @@ def whiten(U, residual, whitened):
     """Whiten a residual with S = U' U:  whitened = U'^-1 residual.
 
     residual, whitened : (m,); U : (m, m), upper triangular.
+
+    >>> white = np.empty(1)
+    >>> whiten(2.0 * np.eye(1), np.array([3.0]), white)
+    >>> white.tolist()
+    [1.5]
     """
     for a in range(residual.size):
         whitened[a] = residual[a]
@@ -189,7 +194,11 @@ def _diagonal(A):
 
 @njit(cache=True)
 def rows_seen(z, H, R):
-    """Select what is not NaN: the places in z, and copies of z, rows of H and R there."""
+    """Select what is not NaN: the places in z, and copies of z, rows of H and R there.
+
+    >>> rows_seen(np.array([np.nan, 5.0]), np.eye(2), np.eye(2))[1].tolist()
+    [5.0]
+    """
     m, n = H.shape
     seen = np.empty(m, np.int64)
     count = 0
@@ -280,7 +289,10 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
 
 
 def refuse(status: int) -> None:
-    """Raise NotPositiveDefinite for a status of `observed_update_step` that is not 0."""
+    """Raise NotPositiveDefinite for a status of `observed_update_step` that is not 0.
+
+    >>> refuse(0)
+    """
     if status != 0:
         matrix = "innovation covariance" if status > 0 else "observation noise covariance"
         raise NotPositiveDefinite(matrix, detail=f"the pivot of observed component {abs(status) - 1} is not positive")

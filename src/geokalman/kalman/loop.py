@@ -298,13 +298,15 @@ def compiled():
         return njit([signature], cache=True, nogil=True)(_four)
 
 
-@njit(PROPAGATE, cache=True)
-def no_propagation(t0, t1, x, u, p, x_out, F, Q):
-    """Stand in for the function of a linear model."""
+@functools.cache
+def stand_ins():
+    """Compile what stands in for the functions of a linear model and a linear sensor."""
+    return njit([PROPAGATE], cache=True)(_no_propagation), njit([OBSERVE], cache=True)(_no_observation)
+
+
+def _no_propagation(t0, t1, x, u, p, x_out, F, Q):
     return 1
 
 
-@njit(OBSERVE, cache=True)
-def no_observation(t, x, u, p, h, H, R):
-    """Stand in for the function of a linear sensor."""
+def _no_observation(t, x, u, p, h, H, R):
     return 1

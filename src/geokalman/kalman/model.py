@@ -14,6 +14,7 @@ this step or epoch, p the parameters.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -31,15 +32,13 @@ RETRACT = types.void(vector, vector, vector)
 DIFFERENCE = types.void(vector, vector, vector)
 
 
-@njit(RETRACT, cache=True)
-def add(x, d, x_out):
+def _add(x, d, x_out):
     """Retract in a flat space: x_out = x + d."""
     for j in range(x.size):
         x_out[j] = x[j] + d[j]
 
 
-@njit(DIFFERENCE, cache=True)
-def subtract(x, y, d):
+def _subtract(x, y, d):
     """Subtract in a flat space: d = y - x."""
     for j in range(x.size):
         d[j] = y[j] - x[j]
@@ -48,7 +47,7 @@ def subtract(x, y, d):
 def is_kernel(function: Callable, signature) -> bool:
     """Recognise a compiled function by its arguments, also where compilation is off.
 
-    >>> is_kernel(add, RETRACT), is_kernel(lambda x: x, RETRACT)
+    >>> is_kernel(_add, RETRACT), is_kernel(lambda x: x, RETRACT)
     (True, False)
     """
     code = getattr(getattr(function, "py_func", function), "__code__", None)
@@ -108,7 +107,16 @@ class Manifold:
         return retract, difference
 
 
-FLAT = Manifold(retract=add, difference=subtract, n=0)
+@functools.cache
+def flat() -> Manifold:
+    """Make the flat space, whose functions are compiled at the first run and not at import.
+
+    >>> flat().compiled
+    True
+    """
+    return Manifold(
+        retract=njit([RETRACT], cache=True)(_add), difference=njit([DIFFERENCE], cache=True)(_subtract), n=0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

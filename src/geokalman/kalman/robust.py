@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy.special import gammaincinv
 
 from geokalman.kalman.checks import array, plain, scalar
 from geokalman.kalman.dense import cholesky_upper, copy_vector, solve_lower, solve_upper
@@ -142,6 +141,8 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     >>> gate(Innovation(np.zeros(2), np.eye(2), np.array([1.0, -2.0])))
     True
     """
+    from scipy.special import gammaincinv
+
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
     w = plain("whitened", innovation.whitened, missing=True)

@@ -8,15 +8,15 @@ from typing import Literal
 import numpy as np
 from numba.extending import is_jitted
 
-from geokalman.kalman.adaptive import HOOKS, Adaptive, judgement, no_judgement
+from geokalman.kalman.adaptive import HOOKS, Adaptive, judging_step
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, scalar, whole
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory, gaussian
 from geokalman.kalman.linear import steps
 from geokalman.kalman.loop import (
     DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, Course, Motion,
-    Options, Sensing, compiled, loop, no_observation, no_propagation,
+    Options, Sensing, compiled, loop, stand_ins,
 )  # fmt: skip
-from geokalman.kalman.model import FLAT, OBSERVE, PROPAGATE, Manifold, Model, Sensor, checked_once, is_kernel
+from geokalman.kalman.model import OBSERVE, PROPAGATE, Manifold, Model, Sensor, checked_once, flat, is_kernel
 from geokalman.kalman.unscented import spread
 
 Kind = Literal["extended", "unscented"]
@@ -58,13 +58,13 @@ def run(
     if kind not in ("extended", "unscented"):
         raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented")
     code = EXTENDED if kind == "extended" else UNSCENTED
-    space = model.manifold or FLAT
-    prior = gaussian(*prior) if space is FLAT else _on_manifold(prior, space)
+    space = model.manifold or flat()
+    prior = _on_manifold(prior, space) if model.manifold else gaussian(*prior)
     t, n = epochs(t, repeated=model.f is not None), len(prior.cov)
     N = len(t)
     propagate, motion = _motion(model, t, len(prior.mean), n, code)
     observe, sensing = _sensing(sensors, N, n, code)
-    options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, space, code)
+    options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, model.manifold, code)
     nx, M = len(prior.mean), sensing.z.shape[1]
     if adaptive is not None:
         _judgeable(adaptive, sensing.kind, n)
@@ -77,11 +77,10 @@ def run(
         np.ones(judged), np.full((judged, M), np.nan),
     )  # fmt: skip
     course.predicted_mean[0], course.predicted_cov[0] = prior
-    judge = no_judgement if adaptive is None else judgement()
     machine = space.compiled and len(observe) <= FUNCTIONS and all(map(is_jitted, (propagate, *observe)))
-    arrays = (judge, t, motion, sensing, options, course)
+    arrays = (judging_step(adaptive is not None), t, motion, sensing, options, course)
     if machine:
-        observe += (no_observation,) * (FUNCTIONS - len(observe))
+        observe += (stand_ins()[1],) * (FUNCTIONS - len(observe))
         epoch, what, row = compiled()(propagate, *observe, *space.kernels(nx), *arrays)
     else:
         epoch, what, row = loop(propagate, observe, *space.kernels(nx), *arrays)
@@ -125,21 +124,21 @@ def _on_manifold(prior: Gaussian, space: Manifold) -> Gaussian:
     return Gaussian(array("mean", prior[0], None), covariance("covariance", prior[1], space.n))
 
 
-def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold, kind: int) -> Options:
+def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold | None, kind: int) -> Options:
     if whole("iterations", iterations) < 1:
         raise ValueError(f"iterations = {iterations}: an update needs at least one linearisation")
     if not (gate == np.inf or scalar("gate", gate) > 0.0):
         raise ValueError(f"gate = {gate}: it must be positive; inf admits every observation")
-    plain = space is FLAT and iterations == 1 and gate == np.inf and adaptive is None
-    if not plain and kind == UNSCENTED and (space is not FLAT or iterations > 1 or gate < np.inf):
+    iterated = space is not None or iterations > 1 or gate < np.inf
+    if iterated and kind == UNSCENTED:
         raise ValueError("manifold, iterations and gate belong to the extended filter: take kind = 'extended'")
-    if adaptive is not None and (space is not FLAT or iterations > 1 or gate < np.inf):
+    if iterated and adaptive is not None:
         raise ValueError("an adaptive hook takes a flat state, one linearisation and no gate")
     hook = Adaptive(by="ratio") if adaptive is None else adaptive
-    judge = 0 if adaptive is None else HOOKS[hook.by]
     return Options(
-        *scaling, plain, int(iterations), float(gate), judge, float(hook.k0), float(hook.k1), float(hook.floor),
-        int(hook.states),
+        *scaling, plain=not iterated and adaptive is None, iterations=int(iterations), gate=float(gate),
+        adapt=0 if adaptive is None else HOOKS[hook.by], k0=float(hook.k0), k1=float(hook.k1), floor=float(hook.floor),
+        states=int(hook.states),
     )  # fmt: skip
 
 
@@ -154,7 +153,7 @@ def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
-        return no_propagation, Motion(LINEAR, inputs, params, Phi, Q, step)
+        return stand_ins()[0], Motion(LINEAR, inputs, params, Phi, Q, step)
     Phi, Q = np.zeros((2, steps_count, n, n))
     if model.Q is not None and not callable(model.Q):
         Q[:] = covariances("Q", model.Q, steps_count, n)
@@ -213,7 +212,7 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     linear = [s.h is None for s in sensors]
     H = [matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)) for i, s, m in numbered]
     functions = tuple(
-        no_observation if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
+        stand_ins()[1] if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
         for i, s, m in numbered
     )
     inputs = [
