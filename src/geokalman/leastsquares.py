@@ -1,4 +1,4 @@
-"""Normal equations: accumulated by blocks, with many right-hand sides; scaled, factored, solved.
+"""Normal equations: accumulated by blocks, for many right-hand sides; scaled and solved.
 
 Observations A x = y + e with weights W give N x = b, N = A^T W A, b = A^T W y. Only the lower triangle of N is kept, in
 Fortran order, and BLAS adds to it in place: memory is N and one block of rows. Rows with correlated errors are whitened
@@ -35,11 +35,11 @@ _DENSE = 64  # up to here all eigenvalues are cheaper than a Lanczos iteration
 
 
 class SingularNormalMatrix(ValueError):
-    """The observations do not determine all unknowns; the message names those that they leave open."""
+    """The observations leave unknowns open, which the message names."""
 
 
 class NormalEquations:
-    """Normal equations of n unknowns and q right-hand sides, to which blocks of observations are added.
+    """Normal equations of n unknowns and q right-hand sides, added up block by block.
 
     Parameters
     ----------
@@ -53,6 +53,13 @@ class NormalEquations:
     rhs : (n, q) float64, b = A^T W y
     squares : (q,) float64, y^T W y
     observations : number of rows of non-zero weight so far
+
+    Examples
+    --------
+    >>> normals = NormalEquations(2)
+    >>> normals.add([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]], [1.0, 3.0, 5.0])  # a line
+    >>> normals.factor().estimate[:, 0].round(12).tolist()
+    [1.0, 2.0]
     """
 
     def __init__(self, n: int, q: int = 1, names: Sequence[str] | None = None) -> None:
@@ -134,7 +141,7 @@ class NormalEquations:
         return total
 
     def full_matrix(self) -> Array:
-        """N with both triangles, a copy (n, n)."""
+        """Copy N (n, n), with both triangles."""
         return self.matrix + np.tril(self.matrix, -1).T
 
     def factor(self, overwrite: bool = False) -> Solution:
@@ -217,7 +224,7 @@ class NormalEquations:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solved normal equations: estimates of all right-hand sides, and what the factor tells about their accuracy.
+    """Solved normal equations: the estimates, and what the factor tells of their accuracy.
 
     The scaled matrix D N D = L L^T, D = diag(N)^(-1/2), has L in the lower triangle of `factor` and itself in the
     strict upper one. `estimate` (n, q) is the solution of N x = b.
@@ -239,7 +246,7 @@ class Solution:
         return self.scale.size
 
     def solve(self, rhs: ArrayLike) -> Array:
-        """x of N x = rhs, (n,) or (n, q)."""
+        """Solve N x = rhs, (n,) or (n, q)."""
         rhs = plain("rhs", rhs)
         scale = self.scale if rhs.ndim == 1 else self.scale[:, None]
         x, _ = lapack.dpotrs(self.factor, scale * rhs, lower=1)
@@ -247,7 +254,10 @@ class Solution:
 
     @property
     def residual_sum_of_squares(self) -> Array:
-        """v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0; below 1e-13 y^T W y it is rounding."""
+        """v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0.
+
+    Below 1e-13 y^T W y it is rounding.
+    """
         return np.maximum(self.squares - np.einsum("nq,nq->q", self.estimate, self.rhs), 0.0)
 
     @property
@@ -268,7 +278,7 @@ class Solution:
         return float(2.0 * (np.log(self.factor.diagonal()).sum() - np.log(self.scale).sum()))
 
     def covariance(self) -> Array:
-        """N^-1 (n, n), the covariance of the unknowns for variance factor 1."""
+        """Compute N^-1 (n, n), the covariance of the unknowns for variance factor 1."""
         inverse, _ = lapack.dpotri(self.factor, lower=1)
         _mirror(inverse)
         inverse *= self.scale
@@ -276,12 +286,15 @@ class Solution:
         return inverse
 
     def variances(self) -> Array:
-        """Diagonal of N^-1 (n,), without the rest of it."""
+        """Compute the diagonal of N^-1 (n,), without the rest of it."""
         inverse, _ = lapack.dtrtri(self.factor, lower=1)
         return np.square(self.scale) * np.array([inverse[k:, k] @ inverse[k:, k] for k in range(self.unknowns)])
 
     def condition(self) -> float:
-        """Condition of the scaled matrix, the ratio of its extreme eigenvalues (Lanczos, relative accuracy 1e-6)."""
+        """Compute the condition of the scaled matrix.
+
+    It is the ratio of the extreme eigenvalues (Lanczos, relative accuracy 1e-6).
+    """
         n = self.unknowns
         if n <= _DENSE:
             full = np.triu(self.factor, 1)
@@ -304,7 +317,9 @@ def sum_normals(
     executor: Executor | None = None,
     at_once: int | None = None,
 ) -> NormalEquations:
-    """Sum of the normal equations of arcs, built here or by an executor's workers, always added in the order of arcs.
+    """Add up the normal equations of arcs, always in their order.
+
+    They are built here or by an executor's workers.
 
     Parameters
     ----------
@@ -321,6 +336,15 @@ def sum_normals(
     ------
     ValueError
         Where there is no arc; and whatever `build` raises.
+
+    Examples
+    --------
+    >>> def build(value):
+    ...     arc = NormalEquations(1)
+    ...     arc.add([[1.0]], [value])
+    ...     return arc
+    >>> sum_normals(build, [1.0, 2.0, 6.0]).factor().estimate.tolist()
+    [[3.0]]
     """
     total: NormalEquations | None = None
     for part in (
@@ -373,7 +397,7 @@ def _mirror(matrix: Array) -> None:
 
 
 def _undetermined(matrix: Array) -> NDArray[np.int64]:
-    """Indices of the unknowns in the null space of a scaled normal matrix (upper triangle; it is destroyed)."""
+    """Find the unknowns in the null space of a scaled normal matrix (upper, destroyed)."""
     n = matrix.shape[0]
     factor, pivots, rank, _ = lapack.dpstrf(matrix, tol=n * np.finfo(float).eps, lower=0, overwrite_a=1)
     rank = min(rank, n - 1)

@@ -140,7 +140,7 @@ def interpreted(monkeypatch):
                 if hasattr(value, "py_func"):
                     monkeypatch.setattr(module, key, value.py_func)
     monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "compiled", lambda sensors: loop.loop)
-    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "judgement", lambda: adaptive.adapt_step)
+    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "judging_step", lambda hook: adaptive.adapt_step)
     monkeypatch.setattr(smoothing, "compiled_error_rts_loop", lambda: smoothing.error_rts_loop)
 
 

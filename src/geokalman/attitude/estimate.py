@@ -21,7 +21,7 @@ from geokalman.kalman import smoothing
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.gaussian import Gaussian, Trajectory
 from geokalman.kalman.linear import predict_step
-from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, Manifold, Model, Sensor, subtract
+from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, Manifold, Model, Sensor, flat
 from geokalman.kalman.run import run
 from geokalman.physics.quaternion import difference_point, exp_point, multiply, multiply_point, retract_point
 
@@ -183,7 +183,7 @@ def akf7(
     model = Model(
         f=_turn_additive, inputs=np.column_stack([d.reshape(steps, -1), lost.reshape(steps, -1)])[first:],
         params=np.concatenate([[h, (LOST_RATE * h) ** 2], rate.ravel(), walk.ravel()]),
-        manifold=Manifold(retract=_add_and_normalise, difference=subtract, n=7),
+        manifold=Manifold(retract=_add_and_normalise, difference=flat().difference, n=7),
     )  # fmt: skip
     P0 = np.diag(np.repeat([0.25 * tuning.p0_attitude, tuning.p0_bias], [4, 3]))
     course = _run(data, first, start, P0, model, _camera_additive, 4, isotropic)

@@ -1,4 +1,6 @@
-"""The estimator core: Gaussians in, Gaussians out. It knows no physics; numpy, scipy and numba only.
+"""The estimator core: Gaussians in, Gaussians out.
+
+It knows no physics, and imports numpy, scipy and numba only.
 
 model        Model, Sensor, Manifold: motion and instruments as matrices or functions, of Python or compiled
 run          run: all epochs by `loop`, the one filter loop: linear, extended, unscented, on manifolds
@@ -53,44 +55,16 @@ from geokalman.kalman.adaptive import Adaptive
 from geokalman.kalman.consistency import chi_square_bounds, monte_carlo, nees, nis, whiteness
 from geokalman.kalman.discretise import gauss_markov, integrated_white_noise, van_loan, white_jerk
 from geokalman.kalman.gaussian import (
-    Gaussian,
-    Information,
-    Innovation,
-    NotPositiveDefinite,
-    Smoothed,
-    Stopped,
-    Trajectory,
-    gaussian,
-)
+    Gaussian, Information, Innovation, NotPositiveDefinite, Smoothed, Stopped, Trajectory, gaussian,
+)  # fmt: skip
 from geokalman.kalman.information import smooth_information, smooth_two_filter
 from geokalman.kalman.model import Manifold, Model, Sensor
 from geokalman.kalman.run import run
 from geokalman.kalman.smoothing import smooth
 
 __all__ = [
-    "Adaptive",
-    "Gaussian",
-    "Information",
-    "Innovation",
-    "Manifold",
-    "Model",
-    "NotPositiveDefinite",
-    "Sensor",
-    "Smoothed",
-    "Stopped",
-    "Trajectory",
-    "chi_square_bounds",
-    "gauss_markov",
-    "gaussian",
-    "integrated_white_noise",
-    "monte_carlo",
-    "nees",
-    "nis",
-    "run",
-    "smooth",
-    "smooth_information",
-    "smooth_two_filter",
-    "van_loan",
-    "white_jerk",
+    "Adaptive", "Gaussian", "Information", "Innovation", "Manifold", "Model", "NotPositiveDefinite", "Sensor",
+    "Smoothed", "Stopped", "Trajectory", "chi_square_bounds", "gauss_markov", "gaussian", "integrated_white_noise",
+    "monte_carlo", "nees", "nis", "run", "smooth", "smooth_information", "smooth_two_filter", "van_loan", "white_jerk",
     "whiteness",
-]
+]  # fmt: skip

@@ -1,5 +1,4 @@
-"""Checks at the border of the core: shapes, finite numbers, symmetric and positive covariances; one clear error
-each."""
+"""Checks at the border of the core: shapes, finite numbers, covariances; one error each."""
 
 from __future__ import annotations
 
@@ -37,11 +36,15 @@ def _rebuild(message: str, matrix: str, epoch: int | None, t: float | None) -> N
 
 
 def plain(name: str, value, missing: bool = False) -> np.ndarray:
-    """The value as float64 array, itself where it is one: what carries more than numbers does not pass as numbers.
+    """Give the value as float64 array; what carries more than numbers is refused.
 
-    An element that is masked, None, NA or NaT becomes NaN where `missing` admits it. Units, times, text, truth values,
-    complex numbers, sparse matrices and whole numbers beyond 2^53 raise ValueError, because their meaning would be
-    lost. The packages that bring them are recognised by their attributes, none is imported.
+    An array of float64 is given as it is. An element that is masked, None, NA or NaT becomes NaN where `missing` admits
+    it. Units, times, text, truth values, complex numbers, sparse matrices and whole numbers beyond 2^53 raise
+    ValueError, because their meaning would be lost. The packages that bring them are recognised by their attributes,
+    none is imported.
+
+    >>> plain("z", [1, None], missing=True).tolist()
+    [1.0, nan]
     """
     if type(value) is np.ndarray and value.dtype == np.float64:
         return value
@@ -86,7 +89,7 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
 
 
 def _kind(value) -> str:
-    """Kind of the numbers of something like an array, as numpy names it; m and M also for other spans and dates."""
+    """Name the kind of its numbers as numpy does; m and M also for other spans and dates."""
     if isinstance(value, datetime.timedelta):
         return "m"
     if isinstance(value, (datetime.date, datetime.time)):
@@ -97,7 +100,7 @@ def _kind(value) -> str:
 
 
 def _raw(name: str, value) -> np.ndarray:
-    """The value as an array of numpy, without its mask."""
+    """Give the value as an array of numpy, without its mask."""
     if isinstance(value, bytearray):
         value = bytes(value)
     try:
@@ -107,7 +110,11 @@ def _raw(name: str, value) -> np.ndarray:
 
 
 def scalar(name: str, value) -> float:
-    """One number, from what `plain` admits."""
+    """Give one number, from what `plain` admits.
+
+    >>> scalar("h", np.float32(2.0))
+    2.0
+    """
     out = plain(name, value)
     if out.ndim:
         raise ValueError(f"{name} has the shape {out.shape}: it must be one number")
@@ -115,7 +122,11 @@ def scalar(name: str, value) -> float:
 
 
 def whole(name: str, value) -> int:
-    """One whole number, from what `plain` admits."""
+    """Give one whole number, from what `plain` admits.
+
+    >>> whole("order", 3.0)
+    3
+    """
     out = scalar(name, value)
     if not (out == np.floor(out) and abs(out) <= _WHOLE):
         raise ValueError(f"{name} = {out:g}: it must be a whole number")
@@ -123,9 +134,13 @@ def whole(name: str, value) -> int:
 
 
 def array(name: str, value, *shape: int | None, missing: bool = False) -> np.ndarray:
-    """A fresh contiguous float64 array of the given shape; None in `shape` admits any length, `missing` admits NaN.
+    """Give a fresh contiguous float64 array of the given shape.
 
+    None in `shape` admits any length, `missing` admits NaN.
     Raises ValueError for another shape, and for the first value that is not finite with its place.
+
+    >>> array("z", [[1, None]], None, 2, missing=True).tolist()
+    [[1.0, nan]]
     """
     out = np.array(plain(name, value, missing), order="C")
     if out.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, out.shape, strict=True)):
@@ -140,11 +155,14 @@ def array(name: str, value, *shape: int | None, missing: bool = False) -> np.nda
 
 
 def covariance(name: str, value, n: int | None = None) -> np.ndarray:
-    """A checked covariance (n, n), of any n where that is None: finite, symmetric and positive semidefinite up to
-    rounding; returned exactly symmetric.
+    """Check a covariance (n, n): finite, symmetric, positive semidefinite up to rounding.
 
-    Both are judged on the correlation matrix, so that the units of the states do not matter.
+    Any n is admitted where that is None. Symmetry and eigenvalues are judged on the correlation matrix, so that the
+    units of the states do not matter. Returns it exactly symmetric.
     Raises ValueError where it is not symmetric, NotPositiveDefinite where an eigenvalue is negative.
+
+    >>> covariance("Q", [[4, 1], [1, 9]]).tolist()
+    [[4.0, 1.0], [1.0, 9.0]]
     """
     value = plain(name, value)
     n = len(value) if n is None and value.ndim else n
@@ -152,7 +170,11 @@ def covariance(name: str, value, n: int | None = None) -> np.ndarray:
 
 
 def covariances(name: str, value, count: int, n: int) -> np.ndarray:
-    """Checked covariances (K, n, n) from one (n, n), K = 1, or from one per epoch, K = count."""
+    """Check covariances (K, n, n): one (n, n), K = 1, or one per epoch, K = count.
+
+    >>> covariances("R", np.eye(2), 5, 2).shape
+    (1, 2, 2)
+    """
     value = plain(name, value)
     if value.ndim != 3:
         return covariance(name, value, n)[None]
@@ -181,7 +203,11 @@ def _judge(P: np.ndarray, name: Callable[[int], str]) -> np.ndarray:
 
 
 def matrices(name: str, value, count: int, rows: int, columns: int) -> np.ndarray:
-    """Checked matrices (K, rows, columns) from one matrix, K = 1, or from one per epoch, K = count."""
+    """Check matrices (K, rows, columns): one matrix, K = 1, or one per epoch, K = count.
+
+    >>> matrices("H", np.ones((5, 1, 3)), 5, 1, 3).shape
+    (5, 1, 3)
+    """
     value = plain(name, value)
     if value.ndim != 3:
         return array(name, value, rows, columns)[None]
@@ -189,7 +215,13 @@ def matrices(name: str, value, count: int, rows: int, columns: int) -> np.ndarra
 
 
 def epochs(t, repeated: bool = False) -> np.ndarray:
-    """Checked epochs (N,) [s]: finite, at least one, increasing; `repeated` admits equal neighbours."""
+    """Check epochs (N,) [s]: finite, at least one, increasing.
+
+    `repeated` admits equal neighbours.
+
+    >>> epochs([0, 10, 20]).tolist()
+    [0.0, 10.0, 20.0]
+    """
     times = array("t", t, None)
     if times.size == 0:
         raise ValueError("t is empty, there must be at least one epoch")

@@ -1,4 +1,4 @@
-"""Is a filter honest? NEES, NIS, whiteness, their chi-square bounds, and Monte Carlo over seeds.
+"""Is a filter honest? NEES, NIS, whiteness, chi-square bounds, and Monte Carlo over seeds.
 
 NEES compares the error with the covariance and needs the truth; NIS compares the innovations with theirs and does not.
 """
@@ -11,7 +11,6 @@ from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.special import gammaincc, gammaincinv
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, plain, scalar, whole
 
@@ -19,9 +18,10 @@ Result = TypeVar("Result")
 
 
 class Whiteness(NamedTuple):
-    """Whiteness of innovations: autocorrelation (lags, m) at lags 1, 2, ..., and the portmanteau test over all of them.
+    """Whiteness of innovations, by their autocorrelation and the portmanteau test.
 
-    statistic ~ chi-square with dof degrees of freedom if they are white; p_value its upper tail probability.
+    autocorrelation : (lags, m) at lags 1, 2, ...;
+    statistic ~ chi-square with dof degrees of freedom if they are white; p_value : its upper tail probability.
     """
 
     autocorrelation: np.ndarray
@@ -31,8 +31,9 @@ class Whiteness(NamedTuple):
 
 
 def nees(error, cov) -> np.ndarray:
-    """Normalised estimation error squared, error' cov^-1 error, chi-square with n degrees of freedom if cov is honest.
+    """Compute the normalised estimation error squared, error' cov^-1 error.
 
+    It is chi-square with n degrees of freedom if cov is honest.
     error : (..., n) estimate minus truth; cov : (..., n, n). Returns (...).
     Raises ValueError for shapes that do not agree or values that are not finite, NotPositiveDefinite with the first
     covariance (counted over the leading axes) that has no root of full rank.
@@ -46,7 +47,7 @@ def nees(error, cov) -> np.ndarray:
     n, shape = e.shape[-1], e.shape[:-1]
     e, P = array("error", e.reshape(-1, n), None, n), array("cov", P.reshape(-1, n, n), None, n, n)
     sigma = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), np.finfo(float).tiny))  # scale before factoring
-    P = P / sigma[:, :, None] / sigma[:, None, :]
+    e, P = e / sigma, P / sigma[:, :, None] / sigma[:, None, :]
     try:
         roots = np.linalg.cholesky(P)
     except np.linalg.LinAlgError:
@@ -56,17 +57,15 @@ def nees(error, cov) -> np.ndarray:
             except np.linalg.LinAlgError:
                 raise NotPositiveDefinite("covariance", k) from None
         raise
-    w = e / sigma
-    for i in range(n):  # forward substitution, all covariances at once
-        w[:, i] = (w[:, i] - np.einsum("kj,kj->k", roots[:, i, :i], w[:, :i])) / roots[:, i, i]
-    out = np.einsum("ki,ki->k", w, w)
-    return out.reshape(shape)
+    w = np.linalg.solve(roots, e[:, :, None])
+    return (w * w).sum(axis=(1, 2)).reshape(shape)
 
 
 def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
-    """Normalised innovation squared of each epoch and its degrees of freedom, the components that are not NaN.
+    """Compute the normalised innovation squared of each epoch and its degrees of freedom.
 
-    whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...), both 0 in a gap.
+    whitened : (..., m) whitened innovations. Returns the sums of squares (...) and the counts (...) of what is
+    not NaN, both 0 in a gap.
 
     >>> values, dof = nis([[1.0, 2.0], [float("nan"), 3.0]])
     >>> values.tolist(), dof.tolist()
@@ -79,8 +78,9 @@ def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
 
 
 def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
-    """Two-sided bounds for the mean of independent chi-square values: it lies between them with `probability`.
+    """Compute two-sided bounds for the mean of independent chi-square values.
 
+    It lies between them with `probability`.
     dof : degrees of freedom of each value, one per run or epoch. Bounds are the quantiles of chi-square(sum of dof),
     divided by the number of values with dof > 0.
     Raises ValueError where no degree of freedom is left or probability is not inside (0, 1).
@@ -90,6 +90,8 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     >>> round(low, 2), round(high, 2)
     (3.46, 4.57)
     """
+    from scipy.special import gammaincinv  # a third of a second
+
     probability = scalar("probability", probability)
     if not 0.0 < probability < 1.0:
         raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
@@ -101,16 +103,16 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
     if count == 0:
         raise ValueError("there is no degree of freedom: every epoch is missing")
     tail = 0.5 * (1.0 - probability)
-    low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count  # scipy.stats would take a second to import
+    low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count
     return float(low), float(high)
 
 
 def whiteness(whitened, lags: int) -> Whiteness:
-    """Ljung-Box portmanteau test that whitened innovations are uncorrelated in time, each component for itself, summed.
+    """Test by Ljung and Box whether whitened innovations are uncorrelated in time.
 
-    r_l = [sum_t w_t w_(t+l) / n_l] / [sum_t w_t^2 / n_0],  statistic = (1 + 2 / n_0) sum_l n_l r_l^2 over all
-    components, n_l the number of pairs with both values there; without gaps this is the usual Ljung-Box statistic of a
-    zero-mean series.
+    r_l = [sum_t w_t w_(t+l) / n_l] / [sum_t w_t^2 / n_0],  statistic = (1 + 2 / n_0) sum_l n_l r_l^2,
+    each component for itself, summed over them; n_l is the number of pairs with both values there. Without gaps this
+    is the usual Ljung-Box statistic of a zero-mean series.
     whitened : (N, m), NaN where missing; lags : largest lag, 1 <= lags < N.
     Raises ValueError for another shape, for lags out of range and where a lag has no pair.
     Source: Ljung and Box (1978), Biometrika 65, 297-303.
@@ -119,6 +121,8 @@ def whiteness(whitened, lags: int) -> Whiteness:
     >>> whiteness(w, 10).p_value > 0.01 > whiteness(np.cumsum(w, axis=0), 10).p_value
     True
     """
+    from scipy.special import gammaincc
+
     w = array("whitened", whitened, None, None, missing=True)
     N, m = w.shape
     lags = whole("lags", lags)
@@ -139,11 +143,10 @@ def whiteness(whitened, lags: int) -> Whiteness:
 def monte_carlo(
     run: Callable[[np.random.Generator], Result], seeds: Iterable[int], executor: Executor | None = None
 ) -> list[Result]:
-    """Call run(default_rng(seed)) for each seed; the results come in the order of the seeds, whatever executes them.
+    """Call run(default_rng(seed)) for each seed, the results in the order of the seeds.
 
     run : takes a Generator and nothing else, so that run i is the same on 1 and on many workers (a module-level
-    function
-    where a process pool is to send it); seeds : e.g. range(seed0, seed0 + count); executor : any
+    function where a process pool is to send it); seeds : e.g. range(seed0, seed0 + count); executor : any
     concurrent.futures.Executor, None runs here. An error of a run is raised here.
 
     >>> draws = monte_carlo(lambda rng: rng.standard_normal(), range(7, 10))

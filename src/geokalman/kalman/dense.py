@@ -1,10 +1,8 @@
-"""Small dense kernels: Cholesky factor, triangular solves, symmetrisation; explicit loops, which beat BLAS below n =
-20.
+"""Small dense kernels in explicit loops, which beat BLAS below n = 20.
 
-Every factor is upper triangular, A = U' U: its rows are contiguous and row i is the i-th column of the usual lower
-root.
-A Cholesky factor without pivoting does not depend on the scaling of the rows and columns of A beyond rounding, so
-metres beside micrometres per second need no scaling before it.
+Every factor is upper triangular, A = U' U: its rows are contiguous, and row i is the i-th column of the usual lower
+root. A Cholesky factor without pivoting does not depend on the scaling of the rows and columns of A beyond rounding,
+so metres beside micrometres per second need no scaling before it.
 """
 
 from __future__ import annotations
@@ -14,15 +12,14 @@ from numba import njit
 
 
 @njit(cache=True)
-def copy_state(x: np.ndarray, P: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> None:
-    """Copy a mean (nx,) and a covariance (n, n), nx = n but on a manifold."""
+def copy_vector(x, out):
+    """Copy a vector."""
     for i in range(x.shape[0]):
-        x_out[i] = x[i]
-    copy(P, P_out)
+        out[i] = x[i]
 
 
 @njit(cache=True)
-def copy(A: np.ndarray, out: np.ndarray) -> None:
+def copy(A, out):
     """Copy a matrix; a slice assignment would compile for seconds (numba's error message)."""
     for i in range(A.shape[0]):
         for j in range(A.shape[1]):
@@ -30,17 +27,66 @@ def copy(A: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def copy_vector(x: np.ndarray, out: np.ndarray) -> None:
-    """Copy a vector."""
-    for i in range(x.shape[0]):
-        out[i] = x[i]
+def copy_state(x, P, x_out, P_out):
+    """Copy a mean (nx,) and a covariance (n, n), nx = n but on a manifold."""
+    copy_vector(x, x_out)
+    copy(P, P_out)
 
 
 @njit(cache=True)
-def symmetrise(A: np.ndarray) -> None:
-    """Replace the square matrix A by (A + A') / 2, in place."""
-    n = A.shape[0]
+def identity(n):
+    """Make the unit matrix (n, n); np.eye would compile for seconds."""
+    out = np.zeros((n, n))
     for i in range(n):
+        out[i, i] = 1.0
+    return out
+
+
+@njit(cache=True)
+def transposed(A):
+    """Copy A' into an array of its own, so that every product has contiguous rows."""
+    out = np.empty((A.shape[1], A.shape[0]))
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            out[j, i] = A[i, j]
+    return out
+
+
+@njit(cache=True)
+def add_product(out, scale, A, B):
+    """Add scale A B to a matrix, in place; zeros of A cost nothing.
+
+    out : (p, r); A : (p, q); B : (q, r). The output must not overlap the inputs.
+    """
+    for i in range(A.shape[0]):
+        for k in range(A.shape[1]):
+            factor = scale * A[i, k]
+            if factor != 0.0:
+                for j in range(B.shape[1]):
+                    out[i, j] += factor * B[k, j]
+
+
+@njit(cache=True)
+def add_vector_product(out, scale, x, A):
+    """Add scale x' A to a vector, in place.  out : (r,); x : (q,); A : (q, r)."""
+    for k in range(x.shape[0]):
+        factor = scale * x[k]
+        for j in range(A.shape[1]):
+            out[j] += factor * A[k, j]
+
+
+@njit(cache=True)
+def mirror(A):
+    """Copy the upper triangle of a square matrix to the lower one, in place."""
+    for i in range(A.shape[0]):
+        for j in range(i):
+            A[i, j] = A[j, i]
+
+
+@njit(cache=True)
+def symmetrise(A):
+    """Replace a square matrix A by (A + A') / 2, in place."""
+    for i in range(A.shape[0]):
         for j in range(i):
             mean = 0.5 * (A[i, j] + A[j, i])
             A[i, j] = mean
@@ -48,7 +94,7 @@ def symmetrise(A: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def cholesky_upper(A: np.ndarray, U: np.ndarray) -> int:
+def cholesky_upper(A, U):
     """Factor A = U' U with U upper triangular.
 
     A : (n, n) symmetric, only its upper triangle is read; U : (n, n) output, may be A itself.
@@ -78,12 +124,11 @@ def cholesky_upper(A: np.ndarray, U: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def root_semidefinite(A: np.ndarray, G: np.ndarray) -> int:
-    """Factor a positive semidefinite A = G' G: by `cholesky_upper`, or where that fails with pivoting, then not
-    triangular.
+def root_semidefinite(A, G):
+    """Factor a positive semidefinite A = G' G, by `cholesky_upper` or else with pivoting.
 
-    The pivot is the largest relative to its A[k, k]; the factor ends, with rows of zeros, where all of them are below
-    10 n eps (eps the spacing of doubles), the rounding of the subtractions before.
+    With pivoting G is not triangular. The pivot is the largest relative to its A[k, k]; the factor ends, with rows of
+    zeros, where all of them are below 10 n eps (eps the spacing of doubles), the rounding of the subtractions before.
     A : (n, n) symmetric; G : (n, n) output, not A itself.
     Returns 0, or k >= 1 when the pivot of row k - 1 is negative beyond rounding.
     """
@@ -122,8 +167,11 @@ def root_semidefinite(A: np.ndarray, G: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def solve_lower(U: np.ndarray, B: np.ndarray) -> None:
-    """Solve U' X = B in place of B (n, r), U (n, n) upper triangular: the forward half of a Cholesky solve."""
+def solve_lower(U, B):
+    """Solve U' X = B in place of B: the forward half of a Cholesky solve.
+
+    U : (n, n) upper triangular; B : (n, r).
+    """
     n, r = B.shape
     for k in range(n):
         scale = 1.0 / U[k, k]
@@ -137,8 +185,11 @@ def solve_lower(U: np.ndarray, B: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def solve_upper(U: np.ndarray, B: np.ndarray) -> None:
-    """Solve U X = B in place of B (n, r), U (n, n) upper triangular: the backward half of a Cholesky solve."""
+def solve_upper(U, B):
+    """Solve U X = B in place of B: the backward half of a Cholesky solve.
+
+    U : (n, n) upper triangular; B : (n, r).
+    """
     n, r = B.shape
     for k in range(n - 1, -1, -1):
         for i in range(k + 1, n):

@@ -1,21 +1,20 @@
-"""From continuous dynamics to one discrete step: van Loan's method, and the models with a closed form."""
+"""From continuous dynamics to one discrete step: van Loan's method, and closed forms."""
 
 from __future__ import annotations
 
 from math import comb, exp, expm1, factorial
 
 import numpy as np
-from scipy.linalg import expm
 
 from geokalman.kalman.checks import array, covariance, plain, scalar, whole
 
 
 def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """Transition matrix and process noise of x' = F x + w over a step h, where w is white with the power density W.
+    """Compute transition matrix and process noise of x' = F x + w, w white, over a step.
 
     Phi = exp(F h),   Q = int_0^h exp(F s) W exp(F s)' ds.
-    F : (n, n) [1/s, per state units]; W : (n, n), symmetric positive semidefinite [state units^2 / s] (= B Qc B');
-    h : step [s], positive. Returns Phi, Q : (n, n), Q exactly symmetric.
+    F : (n, n) [1/s, per state units]; W : (n, n), power density of w, symmetric positive semidefinite
+    [state units^2 / s] (= B Qc B'); h : step [s], positive. Returns Phi, Q : (n, n), Q exactly symmetric.
     A step that is long against the dynamics is halved until the exponential is tame, then doubled by
     Q(2 h) = Phi Q Phi' + Q: exp(-F h), which van Loan's block holds, would swamp Q.
     Raises ValueError for wrong shapes and for h not positive.
@@ -25,6 +24,8 @@ def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
     >>> Phi.round(12).tolist(), Q.round(12).tolist()
     ([[1.0, 2.0], [0.0, 1.0]], [[8.0, 6.0], [6.0, 6.0]])
     """
+    from scipy.linalg import expm  # a third of a second
+
     h, F = _positive("h", h), plain("F", F)
     n = len(F) if F.ndim else 1
     F = array("F", F, n, n)
@@ -44,7 +45,9 @@ def van_loan(F, W, h: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Kinematic model whose derivative of order `order` is white noise: 2 white acceleration, 3 white jerk.
+    """Make the kinematic model whose derivative of an order is white noise.
+
+    Order 2 is white acceleration, 3 white jerk.
 
     Phi_ij = h^(j-i) / (j-i)!,   Q_ij = q h^(2p-1-i-j) / ((2p-1-i-j) (p-1-i)! (p-1-j)!),  i, j = 0..p-1, p = order.
     h : step [s]; q : power density of that derivative [m^2 s^(1 - 2 p)], the same on each axis; axes : 1 to 3.
@@ -72,10 +75,11 @@ def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tup
 
 
 def white_jerk(h: float, q: float, axes: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    """Kinematic model [position; velocity; acceleration] driven by white jerk of power density q [m^2 s^-5] per axis.
+    """Make the kinematic model [position; velocity; acceleration] driven by white jerk.
 
     Q = q [[h^5/20, h^4/8, h^3/6], [h^4/8, h^3/3, h^2/2], [h^3/6, h^2/2, h]] (x) I_axes.
-    h : step [s]. Returns Phi, Q : (3 axes, 3 axes). Raises ValueError as `integrated_white_noise`.
+    h : step [s]; q : power density per axis [m^2 s^-5].
+    Returns Phi, Q : (3 axes, 3 axes). Raises ValueError as `integrated_white_noise`.
     Source: grace-fusion (50), (51).
 
     >>> Phi, Q = white_jerk(10.0, 1.0, axes=1)
@@ -86,7 +90,7 @@ def white_jerk(h: float, q: float, axes: int = 3) -> tuple[np.ndarray, np.ndarra
 
 
 def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Stationary Gauss-Markov process (d/dt + 1/tau)^order x = white noise, scaled to the standard deviation sigma.
+    """Make the stationary Gauss-Markov process (d/dt + 1/tau)^order x = white noise.
 
     Order 1:  Phi = exp(-h/tau),  Q = sigma^2 (1 - exp(-2 h/tau)).  Higher orders by `van_loan` on the companion form,
     with the power density sigma^2 beta^(2p-1) 2^(2p-1) / binom(2p-2, p-1), beta = 1/tau, p = order.

@@ -1,15 +1,16 @@
-"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h (a whole run: `run.run`)."""
+"""The extended Kalman filter: the linear steps at the Jacobians of nonlinear f and h."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from geokalman.kalman.checks import NotPositiveDefinite, array, covariance
+from geokalman.kalman.checks import array, covariance
 from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
-from geokalman.kalman.linear import predict_step, update_step
+from geokalman.kalman.linear import joint_update_step, predict_step, refuse
+
 
 def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
-    """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), linearised at posterior.mean.
+    """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), linearised at its mean.
 
     mean = f,   cov = F cov F' + Q.
     f : (n,) the propagated mean; F : (n, n) = df/dx; Q : (n, n), positive semidefinite. Returns the next prior.
@@ -28,10 +29,9 @@ def predict(posterior: Gaussian, f, F, Q) -> Gaussian:
 
 
 def update(prior: Gaussian, z, h, H, R) -> tuple[Gaussian, Innovation]:
-    """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), linearised at prior.mean (Joseph form).
+    """Condition a Gaussian on z = h(x) + v, v ~ N(0, R), linearised at its mean.
 
-    z, h : (m,)   measured (NaN where missing) and predicted observation [sensor units]
-    H, R : (m, n), (m, m)
+    z, h : (m,), measured (NaN where missing) and predicted observation [sensor units]; H : (m, n) = dh/dx; R : (m, m).
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S.
     Source: grace-fusion (18)-(20).
@@ -45,17 +45,7 @@ def update(prior: Gaussian, z, h, H, R) -> tuple[Gaussian, Innovation]:
     x, P = gaussian(*prior)
     z = array("z", z, None, missing=True)
     m = len(z)
-    return _update(x, P, z, array("h", h, m), array("H", H, m, len(x)), covariance("R", R, m))
-
-
-def _update(x, P, z, h, H, R) -> tuple[Gaussian, Innovation]:
-    residual, S, whitened = z - h, H @ P @ H.T + R, np.full(len(z), np.nan)
-    seen = np.flatnonzero(~np.isnan(z))
-    if seen.size:
-        S_seen, w_seen = np.empty((seen.size, seen.size)), np.empty(seen.size)
-        status = update_step(x, P, residual[seen], H[seen], R[np.ix_(seen, seen)], S_seen, w_seen)
-        if status != 0:
-            detail = f"the pivot of observed component {status - 1} is not positive"
-            raise NotPositiveDefinite("innovation covariance", detail=detail)
-        whitened[seen] = w_seen
+    H, R = array("H", H, m, len(x)), covariance("R", R, m)
+    residual, S, whitened = z - array("h", h, m), H @ P @ H.T + R, np.full(m, np.nan)
+    refuse(joint_update_step(x, P, residual, H, R, whitened))
     return Gaussian(x, P), Innovation(residual, 0.5 * (S + S.T), whitened)

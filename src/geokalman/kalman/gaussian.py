@@ -1,4 +1,4 @@
-"""The values that the core takes and gives: a Gaussian, an innovation, and whole trajectories (frozen, time first)."""
+"""The values that the core takes and gives: Gaussians, innovations, trajectories."""
 
 from __future__ import annotations
 
@@ -11,22 +11,14 @@ from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, plai
 from geokalman.kalman.model import Manifold
 
 __all__ = [
-    "Gaussian",
-    "Information",
-    "Innovation",
-    "NotPositiveDefinite",
-    "Smoothed",
-    "Stopped",
-    "Trajectory",
-    "gaussian",
-]
+    "Gaussian", "Information", "Innovation", "NotPositiveDefinite", "Smoothed", "Stopped", "Trajectory", "gaussian",
+]  # fmt: skip
 
 
 class Stopped(ArithmeticError):
     """A run that a function of its model or sensor stopped.
 
-    who : "model" or "sensor"; epoch, t [s] : where; code : what the function returned; course : the Trajectory until
-    then.
+    who : "model" or "sensor"; epoch, t [s] : where; code : what the function returned; course : the Trajectory so far.
     """
 
     def __init__(self, who: str, epoch: int, t: float, code: int) -> None:
@@ -48,8 +40,9 @@ class Gaussian(NamedTuple):
 
 
 class Information(NamedTuple):
-    """A normal distribution by its information: matrix = cov^-1, vector = cov^-1 mean; zeros say that nothing is known.
+    """A normal distribution by its information, matrix = cov^-1 and vector = cov^-1 mean.
 
+    Zeros say that nothing is known.
     vector : (n,); matrix : (n, n), symmetric positive semidefinite.
     """
 
@@ -58,8 +51,9 @@ class Information(NamedTuple):
 
 
 class Innovation(NamedTuple):
-    """What an observation brought: residual = z - prediction, its covariance S, and whitened = L^-1 residual, S = L L'.
+    """What an observation brought.
 
+    residual = z - prediction, its covariance S = L L', and whitened = L^-1 residual.
     residual, whitened : (m,), NaN where a component is missing; S : (m, m) [sensor units]. If the model is right,
     whitened ~ N(0, I); its components do not depend on whether the update was joint or sequential.
     """
@@ -120,13 +114,16 @@ class Trajectory:
         return len(self.t)
 
     def __getitem__(self, k: int) -> Gaussian:
-        """The filtered Gaussian of epoch k."""
+        """Give the filtered Gaussian of epoch k."""
         return Gaussian(self.mean[k], self.cov[k])
 
 
 @dataclass(frozen=True, slots=True)
 class Smoothed:
-    """The smoothed states of N epochs, time first.  t : (N,) [s]; mean : (N, n); cov : (N, n, n), or None."""
+    """The smoothed states of N epochs, time first.
+
+    t : (N,) [s]; mean : (N, n); cov : (N, n, n), or None.
+    """
 
     t: np.ndarray
     mean: np.ndarray
@@ -136,12 +133,12 @@ class Smoothed:
         return len(self.t)
 
     def __getitem__(self, k: int) -> Gaussian:
-        """The smoothed Gaussian of epoch k."""
+        """Give the smoothed Gaussian of epoch k."""
         return Gaussian(self.mean[k], self.cov[k])
 
 
 def gaussian(mean, cov) -> Gaussian:
-    """A checked Gaussian from anything array-like.
+    """Make a checked Gaussian from anything array-like.
 
     mean : (n,); cov : (n, n), or (n,) variances for a diagonal covariance.
     Raises ValueError for wrong shapes, values that are not finite and an unsymmetric cov; NotPositiveDefinite for a cov

@@ -1,4 +1,4 @@
-"""Smoothing by two filters in information form: what the past and what the future say, combined; equal to RTS.
+"""Smoothing by two filters in information form, of past and future; equal to RTS.
 
 The information form needs no prior: zeros say that nothing is known (a diffuse prior). `smooth_two_filter` joins the
 covariance filter forward with an information filter backward, `smooth_information` runs both in information form.
@@ -14,272 +14,151 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, plain
-from geokalman.kalman.dense import cholesky_upper, copy_state, root_semidefinite, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import (
+    cholesky_upper, copy, copy_state, copy_vector, identity, root_semidefinite, solve_lower, solve_upper, symmetrise,
+)  # fmt: skip
 from geokalman.kalman.gaussian import Information, Smoothed, Trajectory
-from geokalman.kalman.linear import Transition, steps
+from geokalman.kalman.linear import Transition, rows_seen, steps
 
 
 @njit(cache=True)
-def information_update_step(y: np.ndarray, Y: np.ndarray, z: np.ndarray, H: np.ndarray, R: np.ndarray) -> int:
-    """Add the information of the components of z = H x + v, v ~ N(0, R), that are not NaN, in place.
+def information_update_step(y, Y, z, H, R):
+    """Add the information of the seen components of z = H x + v, v ~ N(0, R), in place.
 
     Y += H' R^-1 H,   y += H' R^-1 z.
     y : (n,); Y : (n, n); z : (m,); H : (m, n); R : (m, m).
     Returns 0, or k >= 1 where R is not positive definite in observed component k - 1.
     """
-    m, n = H.shape
-    seen = np.empty(m, np.int64)
-    count = 0
-    for a in range(m):
-        if not np.isnan(z[a]):
-            seen[count] = a
-            count += 1
-    U, rows, values = np.empty((count, count)), np.empty((count, n)), np.empty((count, 1))
-    for b in range(count):
-        for d in range(count):
-            U[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-        for j in range(n):
-            rows[b, j] = H[seen[b], j]
-        values[b, 0] = z[seen[b]]
+    seen, values, rows, U = rows_seen(z, H, R)
+    if seen.size == 0:
+        return 0
     status = cholesky_upper(U, U)
     if status != 0:
         return status
     solve_lower(U, rows)
-    solve_lower(U, values)
-    for b in range(count):
-        for i in range(n):
-            if rows[b, i] != 0.0:
-                y[i] += rows[b, i] * values[b, 0]
-                for j in range(n):
-                    Y[i, j] += rows[b, i] * rows[b, j]
+    solve_lower(U, values.reshape((seen.size, 1)))
+    copy_state(y + values @ rows, Y + rows.T @ rows, y, Y)
     return 0
 
 
 @njit(cache=True)
-def information_noise_step(y: np.ndarray, Y: np.ndarray, G: np.ndarray) -> None:
-    """Information of x + w, w ~ N(0, G' G), from that of x, in place; a sum of squares, and no inverse of Y or Q.
+def information_noise_step(y, Y, G):
+    """Take the information on x to that on x + w, w ~ N(0, G' G), in place.
 
-    J = Y G' (I + G Y G')^-1,   Y = (I - J G) Y (I - J G)' + J J',   y = y - J G y.
-    y : (n,); Y : (n, n) positive semidefinite; G : (n, n), Q = G' G.
+    J = Y G' (I + G Y G')^-1,   Y = (I - J G) Y (I - J G)' + J J',   y = y - J G y: a sum of squares, and no inverse of
+    Y or Q.  y : (n,); Y : (n, n) positive semidefinite; G : (n, n).
     """
-    n = y.shape[0]
-    W, A = np.zeros((n, n)), np.zeros((n, n))  # G Y and I + G Y G'
-    for i in range(n):
-        for k in range(n):
-            if G[i, k] != 0.0:
-                for j in range(n):
-                    W[i, j] += G[i, k] * Y[k, j]
-    for i in range(n):
-        A[i, i] = 1.0
-        for k in range(n):
-            for j in range(n):
-                A[i, j] += W[i, k] * G[j, k]
+    unit, W = identity(y.size), G @ Y
+    A = unit + W @ G.T
     cholesky_upper(A, A)  # its eigenvalues are at least one
-    J = W  # J' after the solves
-    solve_lower(A, J)
-    solve_upper(A, J)
-    B = np.zeros((n, n))  # (I - J G)'
-    for i in range(n):
-        B[i, i] = 1.0
-        for k in range(n):
-            if G[k, i] != 0.0:
-                for j in range(n):
-                    B[i, j] -= G[k, i] * J[k, j]
-    _congruence(Y, y, B)
-    for k in range(n):
-        for i in range(n):
-            for j in range(n):
-                Y[i, j] += J[k, i] * J[k, j]
+    solve_lower(A, W)
+    solve_upper(A, W)  # W is J' now
+    B = unit - G.T @ W
+    copy_state(y @ B, B.T @ Y @ B + W.T @ W, y, Y)
     symmetrise(Y)
 
 
 @njit(cache=True)
-def _congruence(Y: np.ndarray, y: np.ndarray, B: np.ndarray) -> None:
-    """Replace Y by B' Y B and y by B' y."""
-    n = y.shape[0]
-    T = np.zeros((n, n))
-    u = np.zeros(n)
-    for i in range(n):
-        for k in range(n):
-            for j in range(n):
-                T[i, j] += Y[i, k] * B[k, j]
-        for j in range(n):
-            u[j] += B[i, j] * y[i]
-    for i in range(n):
-        y[i] = u[i]
-        for j in range(n):
-            Y[i, j] = 0.0
-    for k in range(n):
-        for i in range(n):
-            if B[k, i] != 0.0:
-                for j in range(n):
-                    Y[i, j] += B[k, i] * T[k, j]
-    symmetrise(Y)
-
-
-@njit(cache=True)
-def information_back_step(y: np.ndarray, Y: np.ndarray, Phi: np.ndarray, G: np.ndarray) -> None:
+def information_back_step(y, Y, Phi, G):
     """Carry the information on x_next = Phi x + w, w ~ N(0, G' G), back to x, in place.
 
     Y = Phi' (Y^-1 + Q)^-1 Phi, with no inverse of Y.  y : (n,); Y, Phi, G : (n, n).
     """
     information_noise_step(y, Y, G)
-    _congruence(Y, y, Phi)
+    copy_state(y @ Phi, Phi.T @ Y @ Phi, y, Y)
+    symmetrise(Y)
 
 
 @njit(cache=True)
-def information_predict_step(y: np.ndarray, Y: np.ndarray, Psi: np.ndarray, G: np.ndarray) -> None:
-    """Carry the information on x forward to x_next = Phi x + w, w ~ N(0, G' G), in place; Psi = Phi^-1.
+def information_predict_step(y, Y, Psi, G):
+    """Carry the information on x to x_next = Phi x + w, w ~ N(0, G' G), in place.
 
-    Y = (Phi Y^-1 Phi' + Q)^-1, with no inverse of Y.  y : (n,); Y, Psi, G : (n, n).
+    Y = (Phi Y^-1 Phi' + Q)^-1, Psi = Phi^-1, with no inverse of Y.  y : (n,); Y, Psi, G : (n, n).
     """
-    _congruence(Y, y, Psi)
+    copy_state(y @ Psi, Psi.T @ Y @ Psi, y, Y)
+    symmetrise(Y)
     information_noise_step(y, Y, G)
 
 
 @njit(cache=True)
-def combine_step(
-    x: np.ndarray, P: np.ndarray, y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray
-) -> int:
-    """Combine N(x, P) with independent information (y, Y) on the deviation from x:  P_out = (P^-1 + Y)^-1,  x_out = x +
-    P_out y.
+def combine_step(x, P, y, Y, x_out, P_out):
+    """Combine N(x, P) with independent information (y, Y) on the deviation from x.
 
-    Evaluated as U' (I + U Y U')^-1 U with P = U' U: no inverse of P or Y, and positive by construction.
-    x, y, x_out : (n,); P, Y, P_out : (n, n). Outputs must not overlap inputs.
+    P_out = (P^-1 + Y)^-1,  x_out = x + P_out y, evaluated as U' (I + U Y U')^-1 U with P = U' U: no inverse of P or Y,
+    and positive by construction.  x, y, x_out : (n,); P, Y, P_out : (n, n).
     Returns 0, or k >= 1 where P has a negative pivot in row k - 1.
     """
-    n = x.shape[0]
-    U, A, W = np.empty((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    U = np.empty(P.shape)
     status = root_semidefinite(P, U)
     if status != 0:
         return status
-    for i in range(n):
-        for k in range(n):
-            if U[i, k] != 0.0:
-                for j in range(n):
-                    W[i, j] += U[i, k] * Y[k, j]
-    for i in range(n):
-        A[i, i] = 1.0
-        for j in range(n):
-            for k in range(n):
-                A[i, j] += W[i, k] * U[j, k]
+    A = identity(x.size) + U @ Y @ U.T
     cholesky_upper(A, A)  # its eigenvalues are at least one
     solve_lower(A, U)
-    for i in range(n):
-        for j in range(n):
-            P_out[i, j] = 0.0
-    for k in range(n):
-        for i in range(n):
-            for j in range(n):
-                P_out[i, j] += U[k, i] * U[k, j]
-    for i in range(n):
-        x_out[i] = x[i]
-    for i in range(n):
-        for j in range(n):
-            x_out[j] += P_out[i, j] * y[i]
+    copy(U.T @ U, P_out)
+    symmetrise(P_out)
+    copy_vector(x + P_out @ y, x_out)
     return 0
 
 
 @njit(cache=True)
-def information_state_step(y: np.ndarray, Y: np.ndarray, x_out: np.ndarray, P_out: np.ndarray) -> int:
-    """The Gaussian of an information form:  P_out = Y^-1,  x_out = P_out y.  y, x_out : (n,); Y, P_out : (n, n).
+def information_state_step(y, Y, x_out, P_out):
+    """Turn information into a Gaussian:  P_out = Y^-1,  x_out = P_out y.
 
-    Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
+    y, x_out : (n,); Y, P_out : (n, n). Returns 0, or k >= 1 where Y leaves state k - 1 undetermined.
     """
-    n = y.shape[0]
-    U, W = np.empty((n, n)), np.zeros((n, n))
+    U, W = np.empty(Y.shape), identity(y.size)
     status = cholesky_upper(Y, U)
     if status != 0:
         return status
-    for i in range(n):
-        W[i, i] = 1.0
-        x_out[i] = 0.0
-        for j in range(n):
-            P_out[i, j] = 0.0
     solve_lower(U, W)
-    for k in range(n):
-        for i in range(k + 1):
-            for j in range(k + 1):
-                P_out[i, j] += W[k, i] * W[k, j]
-    for i in range(n):
-        for j in range(n):
-            x_out[j] += P_out[i, j] * y[i]
+    copy(W.T @ W, P_out)
+    symmetrise(P_out)
+    copy_vector(P_out @ y, x_out)
     return 0
 
 
 @njit(cache=True)
-def _add_product(sign: float, Y: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
-    for i in range(u.shape[0]):
-        if u[i] != 0.0:
-            for j in range(u.shape[0]):
-                y[j] += sign * u[i] * Y[i, j]
+def backward_loop(z, H, R, Phi, G, step, u, y, Y):
+    """Collect for all k the information on x_k in the observations after epoch k.
 
-
-@njit(cache=True)
-def backward_loop(
-    z: np.ndarray,
-    H: np.ndarray,
-    R: np.ndarray,
-    Phi: np.ndarray,
-    G: np.ndarray,
-    step: np.ndarray,
-    u: np.ndarray,
-    y: np.ndarray,
-    Y: np.ndarray,
-) -> tuple[int, int]:
-    """Information on x_k in the observations after epoch k, for all k: outputs y : (N, n), Y : (N, n, n), zero at the
-    end.
-
-    z, H, R, Phi, step as in `linear.filter_loop`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input of each step.
+    z, H, R, Phi, step as in `smoothing.rts_loop` and `Sensor`; G : (K, n, n) with Q = G' G; u : (N - 1, n) known input
+    of each step; outputs y : (N, n), Y : (N, n, n), zero at the end.
     Returns (epoch, status) of an R without full rank, or (-1, 0).
     """
-    last = z.shape[0] - 1
-    y[last] = 0.0
-    Y[last] = 0.0
-    for k in range(last - 1, -1, -1):
-        copy_state(y[k + 1], Y[k + 1], y[k], Y[k])
-        H_k = H[k + 1] if H.shape[0] > 1 else H[0]
-        R_k = R[k + 1] if R.shape[0] > 1 else R[0]
-        status = information_update_step(y[k], Y[k], z[k + 1], H_k, R_k)
+    y[-1].fill(0.0)
+    Y[-1].fill(0.0)
+    for k in range(z.shape[0] - 1, 0, -1):
+        before, Y_before = y[k - 1], Y[k - 1]
+        copy_state(y[k], Y[k], before, Y_before)
+        status = information_update_step(before, Y_before, z[k], H[k % H.shape[0]], R[k % R.shape[0]])
         if status != 0:
-            return k + 1, status
-        _add_product(-1.0, Y[k], u[k], y[k])
-        information_back_step(y[k], Y[k], Phi[step[k]], G[step[k]])
+            return k, status
+        copy_vector(before - Y_before @ u[k - 1], before)
+        information_back_step(before, Y_before, Phi[step[k - 1]], G[step[k - 1]])
     return -1, 0
 
 
 @njit(cache=True)
-def forward_loop(
-    z: np.ndarray,
-    H: np.ndarray,
-    R: np.ndarray,
-    Psi: np.ndarray,
-    G: np.ndarray,
-    step: np.ndarray,
-    u: np.ndarray,
-    y: np.ndarray,
-    Y: np.ndarray,
-) -> tuple[int, int]:
-    """Information on x_k in the prior and the observations up to epoch k: y[0], Y[0] hold the prior, the rest is
-    output.
+def forward_loop(z, H, R, Psi, G, step, u, y, Y):
+    """Collect for all k the information on x_k in prior and observations up to epoch k.
 
-    Arguments as in `backward_loop`, Psi : (K, n, n) the inverse transitions. Returns as there.
+    Arguments as in `backward_loop`; Psi : (K, n, n) the inverse transitions; y[0], Y[0] come in as the prior.
+    Returns as there.
     """
     for k in range(z.shape[0]):
         if k > 0:
             copy_state(y[k - 1], Y[k - 1], y[k], Y[k])
             information_predict_step(y[k], Y[k], Psi[step[k - 1]], G[step[k - 1]])
-            _add_product(1.0, Y[k], u[k - 1], y[k])
-        H_k = H[k] if H.shape[0] > 1 else H[0]
-        R_k = R[k] if R.shape[0] > 1 else R[0]
-        status = information_update_step(y[k], Y[k], z[k], H_k, R_k)
+            copy_vector(y[k] + Y[k] @ u[k - 1], y[k])
+        status = information_update_step(y[k], Y[k], z[k], H[k % H.shape[0]], R[k % R.shape[0]])
         if status != 0:
             return k, status
     return -1, 0
 
 
 def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
-    """Smooth a linear filter's trajectory by an information filter that runs backward over the same observations.
+    """Smooth a linear filter's trajectory by an information filter that runs backward.
 
     P_s = (P^-1 + Y)^-1,   x_s = x + P_s y,   (y, Y) the information on x_k - x in the observations after k.
     course : the Trajectory of `run`; z, H, R : of its one linear sensor, R positive definite.
@@ -308,7 +187,7 @@ def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
 
 
 def smooth_information(t, z, H, R, transition: Transition, prior: Information | None = None) -> Smoothed:
-    """Smooth a linear model by two information filters, with no prior at all where none is given.
+    """Smooth a linear model by two information filters, with a prior or without.
 
     P_s = (Y_f + Y_b)^-1,   x_s = P_s (y_f + y_b); a second pass, about the first solution, removes its rounding.
     t : (N,); z, H, R : as of a linear `Sensor`, R positive definite; transition : (Phi, Q) or a function of the step,
@@ -327,11 +206,11 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
     z, H, R = _observations(z, H, R, N, n)
     Phi, Q, step = steps(transition, t, n)
     G = _roots(Q)
-    Psi = np.array([np.linalg.solve(matrix, np.eye(n)) for matrix in Phi]).reshape(-1, n, n)
+    Psi = np.linalg.solve(Phi, np.eye(n))
     y0, Y0 = np.zeros(n), np.zeros((n, n))
     if prior is not None:
         y0, Y0 = array("information vector", prior.vector, n), covariance("information matrix", prior.matrix, n)
-    y, Y, y_back, Y_back = np.empty((N, n)), np.empty((N, n, n)), np.empty((N, n)), np.empty((N, n, n))
+    (y, y_back), (Y, Y_back) = np.empty((2, N, n)), np.empty((2, N, n, n))
     mean, cov, correction = np.zeros((N, n)), np.empty((N, n, n)), np.empty(n)
     for _ in range(2):
         dz, u = _about(mean, z, H, Phi, step)
@@ -348,9 +227,9 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
 
 
 def _about(nominal, z, H, Phi, step) -> tuple[np.ndarray, np.ndarray]:
-    """Observations and inputs of the deviations from a nominal trajectory (N, n)."""
-    u = np.einsum("kij,kj->ki", Phi[step], nominal[:-1]) - nominal[1:]
-    return z - np.einsum("kij,kj->ki", np.broadcast_to(H, (len(z), *H.shape[1:])), nominal), u
+    """Give observations and inputs of the deviations from a nominal trajectory (N, n)."""
+    u = (Phi[step] @ nominal[:-1, :, None])[:, :, 0] - nominal[1:]
+    return z - (H @ nominal[:, :, None])[:, :, 0], u
 
 
 def _observations(z, H, R, N: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The linear Kalman filter: predict, and update in Joseph form, jointly or component by component.
+"""The linear Kalman filter: predict; update in Joseph form, joint or by component.
 
 The functions named ``*_step`` are compiled kernels on plain float64 arrays, callable from Python and by name from a
 compiled loop; they trust their arguments. Above them stand the same operations on Gaussians, checked at the border.
@@ -12,56 +12,41 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, matrices
-from geokalman.kalman.dense import cholesky_upper, solve_lower, solve_upper, symmetrise
+from geokalman.kalman.dense import (
+    add_product, add_vector_product, cholesky_upper, identity, mirror, solve_lower, solve_upper, symmetrise,
+    transposed,
+)  # fmt: skip
 from geokalman.kalman.gaussian import Gaussian, Innovation, gaussian
 
 Transition = tuple[np.ndarray, np.ndarray] | Callable[[float], tuple[np.ndarray, np.ndarray]]
 
 
 @njit(cache=True)
-def predict_step(
-    x: np.ndarray, P: np.ndarray, Phi: np.ndarray, Q: np.ndarray, x_out: np.ndarray, P_out: np.ndarray
-) -> None:
-    """Propagate N(x, P) through x_out = Phi x + w, w ~ N(0, Q):  P_out = Phi P Phi' + Q, exactly symmetric.
+def predict_step(x, P, Phi, Q, x_out, P_out):
+    """Propagate N(x, P) through x_out = Phi x + w, w ~ N(0, Q).
 
-    x, x_out : (n,); P, Phi, Q, P_out : (n, n). The outputs must not overlap the inputs. Zeros of Phi cost nothing.
+    P_out = Phi P Phi' + Q, exactly symmetric.
+    x, x_out : (n,); P, Phi, Q, P_out : (n, n).
     """
-    n = x.shape[0]
-    row = np.empty(n)
-    P_Phi_t = np.empty((n, n))
+    n = x.size
+    Phi_P = np.zeros((n, n))
     for i in range(n):
-        mean = 0.0
+        x_out[i] = 0.0
         for j in range(n):
-            row[j] = 0.0
-        for k in range(n):
-            phi = Phi[i, k]
-            if phi != 0.0:
-                mean += phi * x[k]
-                for j in range(n):
-                    row[j] += phi * P[k, j]
-        x_out[i] = mean
-        for j in range(n):
-            P_Phi_t[j, i] = row[j]
-    for i in range(n):
-        for j in range(i, n):
             P_out[i, j] = 0.5 * (Q[i, j] + Q[j, i])
-        for k in range(n):
-            phi = Phi[i, k]
-            if phi != 0.0:
-                for j in range(i, n):
-                    P_out[i, j] += phi * P_Phi_t[k, j]
-        for j in range(i + 1, n):
-            P_out[j, i] = P_out[i, j]
+    add_vector_product(x_out, 1.0, x, transposed(Phi))
+    add_product(Phi_P, 1.0, Phi, P)
+    add_product(P_out, 1.0, Phi, transposed(Phi_P))
+    mirror(P_out)
 
 
 @njit(cache=True)
-def scalar_update_step(x: np.ndarray, P: np.ndarray, residual: float, H: np.ndarray, r: float) -> float:
-    """Condition N(x, P) on one observation with residual = z - h(x), row H = dh/dx and variance r, in place (Joseph
-    form).
+def scalar_update_step(x, P, residual, H, r):
+    """Condition N(x, P) on one observation, in place (Joseph form).
 
     S = H P H' + r,  K = P H' / S,  x += K residual,  P = (I - K H) P (I - K H)' + K r K'.
-    x, H : (n,); P : (n, n). Zeros of H cost little. Returns S; where S is not positive nothing was changed.
-    The whitened innovation is residual / sqrt(S).
+    x : (n,); P : (n, n); residual = z - h(x); H : (n,), the row dh/dx; r : its variance. Zeros of H cost little.
+    Returns S; where S is not positive nothing was changed. The whitened innovation is residual / sqrt(S).
     """
     n = x.shape[0]
     work = np.empty((3, n))
@@ -81,8 +66,7 @@ def scalar_update_step(x: np.ndarray, P: np.ndarray, residual: float, H: np.ndar
         K[j] = g[j] / S
         x[j] += K[j] * residual
         u[j] = -r * K[j]
-    # P (I - K H)' first; then u = H P (I - K H)' - r K', which is zero but for rounding, carries the rest of the Joseph
-    # form.
+    # P (I - K H)' first; then u = H P (I - K H)' - r K', zero but for rounding, carries the rest of the Joseph form.
     for i in range(n):
         for j in range(n):
             P[i, j] -= g[i] * K[j]
@@ -97,123 +81,106 @@ def scalar_update_step(x: np.ndarray, P: np.ndarray, residual: float, H: np.ndar
 
 
 @njit(cache=True)
-def update_step(
-    x: np.ndarray,
-    P: np.ndarray,
-    residual: np.ndarray,
-    H: np.ndarray,
-    R: np.ndarray,
-    S: np.ndarray,
-    whitened: np.ndarray,
-) -> int:
-    """Condition N(x, P) on m observations at once with residual = z - h(x), H = dh/dx, in place (Joseph form).
+def update_step(x, P, residual, H, R, S, whitened):
+    """Condition N(x, P) on m observations at once, in place (Joseph form).
 
     S = H P H' + R = L L',  K = P H' S^-1,  x += K residual,  P = (I - K H) P (I - K H)' + K R K',
     whitened = L^-1 residual.
-    x : (n,); P : (n, n); residual, whitened : (m,); H : (m, n); R, S : (m, m); S and whitened are outputs.
+    x : (n,); P : (n, n); residual = z - h(x) : (m,); H = dh/dx : (m, n); R : (m, m); outputs S : (m, m),
+    whitened : (m,).
     Returns 0, or k >= 1 when S is not positive definite in row k - 1 (x and P are then unchanged).
     """
     m, n = H.shape
-    G = np.zeros((m, n))  # H P
+    G, U, u = np.zeros((m, n)), np.empty((m, m)), np.zeros((m, n))
+    add_product(G, 1.0, H, P)
     for a in range(m):
-        for k in range(n):
-            if H[a, k] != 0.0:
-                for j in range(n):
-                    G[a, j] += H[a, k] * P[k, j]
-    for a in range(m):
-        for b in range(a, m):
-            total = 0.5 * (R[a, b] + R[b, a])
-            for k in range(n):
-                if H[a, k] != 0.0:
-                    total += H[a, k] * G[b, k]
-            S[a, b] = total
-            S[b, a] = total
-    U = np.empty((m, m))
+        for b in range(m):
+            S[a, b] = 0.5 * (R[a, b] + R[b, a])
+    add_product(S, 1.0, H, transposed(G))
+    mirror(S)
     status = cholesky_upper(S, U)
     if status != 0:
         return status
     whiten(U, residual, whitened)
-    K = G.copy()  # holds K' = S^-1 H P
+    K = G.copy()  # K' = S^-1 H P
     solve_lower(U, K)
     solve_upper(U, K)
-    for a in range(m):
-        for j in range(n):
-            x[j] += K[a, j] * residual[a]
-    # P (I - K H)', then what H leaves of it against R K', as in the scalar update.
-    for i in range(n):
-        for a in range(m):
-            for j in range(n):
-                P[i, j] -= G[a, i] * K[a, j]
-    u = np.zeros((m, n))
-    for a in range(m):
-        for b in range(m):
-            for j in range(n):
-                u[a, j] -= R[a, b] * K[b, j]
-        for k in range(n):
-            if H[a, k] != 0.0:
-                for j in range(n):
-                    u[a, j] += H[a, k] * P[k, j]
-    for i in range(n):
-        for a in range(m):
-            for j in range(n):
-                P[i, j] -= K[a, i] * u[a, j]
+    add_vector_product(x, 1.0, residual, K)
+    add_product(P, -1.0, transposed(G), K)  # P (I - K H)', then what H leaves of it against R K', as above
+    add_product(u, -1.0, R, K)
+    add_product(u, 1.0, H, P)
+    add_product(P, -1.0, transposed(K), u)
     symmetrise(P)
     return 0
 
 
 @njit(cache=True)
-def whiten(U: np.ndarray, residual: np.ndarray, whitened: np.ndarray) -> None:
-    """Whiten a residual with S = U' U:  whitened = U'^-1 residual.  residual, whitened : (m,); U : (m, m) upper."""
-    m = residual.shape[0]
-    for a in range(m):
-        total = residual[a]
+def whiten(U, residual, whitened):
+    """Whiten a residual with S = U' U:  whitened = U'^-1 residual.
+
+    residual, whitened : (m,); U : (m, m), upper triangular.
+
+    >>> white = np.empty(1)
+    >>> whiten(2.0 * np.eye(1), np.array([3.0]), white)
+    >>> white.tolist()
+    [1.5]
+    """
+    for a in range(residual.size):
+        whitened[a] = residual[a]
         for b in range(a):
-            total -= U[b, a] * whitened[b]
-        whitened[a] = total / U[a, a]
+            whitened[a] -= U[b, a] * whitened[b]
+        whitened[a] /= U[a, a]
 
 
 @njit(cache=True)
-def observed_update_step(
-    x: np.ndarray, P: np.ndarray, z: np.ndarray, H: np.ndarray, R: np.ndarray, sequential: bool, whitened: np.ndarray
-) -> int:
-    """Condition N(x, P) on the components of z = H x + v, v ~ N(0, R), that are not NaN, in place.
+def joint_update_step(x, P, residual, H, R, whitened):
+    """Condition N(x, P) at once on the components of a residual that are not NaN, in place.
 
-    sequential: one scalar update per component, after H and z were decorrelated by the Cholesky factor of R where R is
-    not diagonal; else jointly. Both give the same posterior and the same whitened innovation.
+    Arguments as in `update_step`; whitened stays as it is where the residual is NaN.
+    Returns 0, or k >= 1 when the innovation covariance is not positive definite in component k - 1.
+    """
+    seen, residual, H, R = rows_seen(residual, H, R)
+    white = np.empty(seen.size)
+    status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+    if status != 0:
+        return seen[status - 1] + 1
+    for b in range(seen.size):
+        whitened[seen[b]] = white[b]
+    return 0
+
+
+@njit(cache=True)
+def observed_update_step(x, P, z, H, R, sequential, whitened):
+    """Condition N(x, P) on the seen components of z = H x + v, v ~ N(0, R), in place.
+
     x : (n,); P : (n, n); z : (m,); H : (m, n); R : (m, m); output whitened : (m,), NaN where z is.
-    Returns 0; k >= 1 where the innovation covariance, -k where R is not positive definite in observed component k - 1.
+    sequential : one scalar update per component, after H and z were decorrelated by the Cholesky factor of R where R is
+    not diagonal; else jointly. Both give the same posterior and the same whitened innovation.
+    Returns 0; k >= 1 where the innovation covariance, -k where R is not positive definite in component k - 1.
     """
     for a in range(z.size):
         whitened[a] = np.nan
-    seen, z_seen, H_seen, R_seen = rows_seen(z, H, R)
-    count = seen.size
-    if sequential and _diagonal(R_seen):
-        for b in range(count):
-            status = _sequential_component(x, P, z_seen[b], H_seen[b], R_seen[b, b], seen[b], whitened)
-            if status != 0:
-                return b + 1
-        return 0
-    if sequential:
-        status = cholesky_upper(R_seen, R_seen)
+    if not sequential:
+        residual = z.copy()
+        add_vector_product(residual, -1.0, x, transposed(H))
+        return joint_update_step(x, P, residual, H, R, whitened)
+    seen, z, H, R = rows_seen(z, H, R)
+    if not _diagonal(R):
+        status = cholesky_upper(R, R)
         if status != 0:
-            return -status
-        solve_lower(R_seen, H_seen)
-        column = z_seen.reshape((count, 1))
-        solve_lower(R_seen, column)
-        for b in range(count):
-            status = _sequential_component(x, P, column[b, 0], H_seen[b], 1.0, seen[b], whitened)
-            if status != 0:
-                return b + 1
-        return 0
-    for b in range(count):
+            return -seen[status - 1] - 1
+        solve_lower(R, H)
+        solve_lower(R, z.reshape((-1, 1)))
+        R = identity(seen.size)
+    for b in range(seen.size):
+        residual = z[b]
         for j in range(x.size):
-            z_seen[b] -= H_seen[b, j] * x[j]
-    w = np.empty(count)
-    status = update_step(x, P, z_seen, H_seen, R_seen, np.empty((count, count)), w)
-    if status == 0:
-        for b in range(count):
-            whitened[seen[b]] = w[b]
-    return status
+            residual -= H[b, j] * x[j]
+        S = scalar_update_step(x, P, residual, H[b], R[b, b])
+        if not S > 0.0:
+            return seen[b] + 1
+        whitened[seen[b]] = residual / np.sqrt(S)
+    return 0
 
 
 @njit(cache=True)
@@ -227,7 +194,11 @@ def _diagonal(A):
 
 @njit(cache=True)
 def rows_seen(z, H, R):
-    """Places of the components of z that are not NaN, and copies of z, the rows of H, and R (symmetric) of them."""
+    """Select what is not NaN: the places in z, and copies of z, rows of H and R there.
+
+    >>> rows_seen(np.array([np.nan, 5.0]), np.eye(2), np.eye(2))[1].tolist()
+    [5.0]
+    """
     m, n = H.shape
     seen = np.empty(m, np.int64)
     count = 0
@@ -235,6 +206,7 @@ def rows_seen(z, H, R):
         if not np.isnan(z[a]):
             seen[count] = a
             count += 1
+    seen = seen[:count]
     z_seen, H_seen, R_seen = np.empty(count), np.empty((count, n)), np.empty((count, count))
     for b in range(count):
         z_seen[b] = z[seen[b]]
@@ -242,21 +214,7 @@ def rows_seen(z, H, R):
             H_seen[b, j] = H[seen[b], j]
         for d in range(count):
             R_seen[b, d] = 0.5 * (R[seen[b], seen[d]] + R[seen[d], seen[b]])
-    return seen[:count], z_seen, H_seen, R_seen
-
-
-@njit(cache=True)
-def _sequential_component(
-    x: np.ndarray, P: np.ndarray, z: float, H: np.ndarray, r: float, a: int, whitened: np.ndarray
-) -> int:
-    residual = z
-    for j in range(x.shape[0]):
-        residual -= H[j] * x[j]
-    S = scalar_update_step(x, P, residual, H, r)
-    if not S > 0.0:
-        return 1
-    whitened[a] = residual / np.sqrt(S)
-    return 0
+    return seen, z_seen, H_seen, R_seen
 
 
 def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
@@ -279,9 +237,10 @@ def predict(posterior: Gaussian, Phi, Q) -> Gaussian:
 
 
 def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian, Innovation]:
-    """Condition a Gaussian on z = H x + v, v ~ N(0, R) (Joseph form), jointly or component by component.
+    """Condition a Gaussian on z = H x + v, v ~ N(0, R), in Joseph form.
 
-    z : (m,) measured, NaN where a component is missing [sensor units]; H : (m, n); R : (m, m).
+    z : (m,) measured, NaN where a component is missing [sensor units]; H : (m, n); R : (m, m); sequential : one
+    component after the other, else jointly.
     Returns the posterior and Innovation(residual, S, whitened), whitened ~ N(0, I) if the model is right.
     Raises ValueError for wrong shapes and infinite values, NotPositiveDefinite for S or R.
     Source: grace-fusion (18)-(20).
@@ -297,16 +256,19 @@ def update(prior: Gaussian, z, H, R, sequential: bool = False) -> tuple[Gaussian
     H, R = array("H", H, m, len(x)), covariance("R", R, m)
     residual, S = z - H @ x, H @ P @ H.T + R
     whitened = np.empty(m)
-    _raise(observed_update_step(x, P, z, H, R, sequential, whitened))
+    refuse(observed_update_step(x, P, z, H, R, sequential, whitened))
     return Gaussian(x, P), Innovation(residual, 0.5 * (S + S.T), whitened)
 
 
 def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The different steps between the epochs t, checked: Phi, Q : (K, n, n) and step : (N - 1,), which of them is
-    which.
+    """Check a transition and give its different steps between the epochs.
 
     transition : (Phi, Q) with matrices (n, n) for all steps or (N - 1, n, n), or a function of the step h [s] giving
-    (Phi, Q), called once for each different step; t : (N,) checked epochs. Raises ValueError for wrong shapes.
+    (Phi, Q), called once for each different step; t : (N,) checked epochs.
+    Returns Phi, Q : (K, n, n), and step : (N - 1,), the index into them. Raises ValueError for wrong shapes.
+
+    >>> steps(lambda h: ([[1.0]], [[h]]), np.array([0.0, 1.0, 3.0, 4.0]), 1)[2].tolist()
+    [0, 1, 0]
     """
     count = len(t) - 1
     if callable(transition):
@@ -326,7 +288,11 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
     return Phi, Q, np.arange(count)
 
 
-def _raise(status: int) -> None:
+def refuse(status: int) -> None:
+    """Raise NotPositiveDefinite for a status of `observed_update_step` that is not 0.
+
+    >>> refuse(0)
+    """
     if status != 0:
         matrix = "innovation covariance" if status > 0 else "observation noise covariance"
         raise NotPositiveDefinite(matrix, detail=f"the pivot of observed component {abs(status) - 1} is not positive")

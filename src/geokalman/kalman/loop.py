@@ -1,4 +1,4 @@
-"""The filter loop: all epochs and sensors forward, for every model and kind of filter, in one function.
+"""The one filter loop: all epochs and sensors forward, whatever model and kind of filter.
 
 `run` checks what a user gives and hands plain arrays to `loop`. Where the functions of model and sensors are compiled,
 so is the loop (`compiled`); where they are Python functions, the same lines run as Python.
@@ -16,10 +16,10 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.extending import register_jitable
 
 from geokalman.kalman.adaptive import JUDGE
-from geokalman.kalman.dense import copy, copy_state, copy_vector, solve_upper
-from geokalman.kalman.linear import observed_update_step, predict_step, rows_seen, scalar_update_step, update_step
+from geokalman.kalman.dense import add_vector_product, copy, copy_state, copy_vector, identity, solve_upper, transposed
+from geokalman.kalman.linear import joint_update_step, observed_update_step, predict_step, rows_seen, update_step
 from geokalman.kalman.model import DIFFERENCE, OBSERVE, PROPAGATE, RETRACT, vector
-from geokalman.kalman.unscented import sigma_points_step, transform_step, unscented_update_step
+from geokalman.kalman.unscented import seen_update_step, sigma_points_step, transform_step
 
 LINEAR, EXTENDED, UNSCENTED = range(3)
 PREDICTION, INNOVATION, NOISE, DRAW, MODEL, SENSOR = range(1, 7)
@@ -47,14 +47,13 @@ class Motion(NamedTuple):
 class Sensing(NamedTuple):
     """All sensors as arrays: sensor s has the columns first[s] to first[s + 1] of z (N, M).
 
-    function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs and params likewise
-    side by side; scalar : its R is diagonal and its components are taken one after the other.
+    function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs, params likewise
+    side by side; sequential : a linear sensor's components are taken one after the other.
     """
 
     first: np.ndarray
     kind: np.ndarray
     function: np.ndarray
-    scalar: np.ndarray
     sequential: np.ndarray
     z: np.ndarray
     R: np.ndarray
@@ -68,8 +67,8 @@ class Sensing(NamedTuple):
 class Options(NamedTuple):
     """What `run` was asked for.
 
-    c, w : of the sigma points, see `unscented.spread`; plain : updates have one linearisation, no gate, no hook and a
-    flat state; adapt, k0, k1, floor, states : see `adaptive.adapt_step`, adapt = 0 for none.
+    c, w : of the sigma points, see `unscented.spread`; plain : no hook, no gate, one linearisation and a flat state;
+    adapt, k0, k1, floor, states : see `adaptive.adapt_step`, adapt = 0 for none.
     """
 
     c: float
@@ -85,7 +84,10 @@ class Options(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What the loop fills; row 0 of the predictions holds the prior. weights : (N, M), alpha : (N,) of the hook."""
+    """What the loop fills; row 0 of the predictions holds the prior.
+
+    whitened : (N, M); alpha : (N,), weights : (N, M) of the hook; else as in a `Trajectory`.
+    """
 
     predicted_mean: np.ndarray
     predicted_cov: np.ndarray
@@ -105,125 +107,6 @@ def _nothing_seen(z):
 
 
 @njit(cache=True)
-def _any_missing(z):
-    for a in range(z.size):
-        if np.isnan(z[a]):
-            return True
-    return False
-
-
-@njit(cache=True)
-def _linear_update(x, P, z, H, R, first, scalar, sequential, whitened):
-    """Condition on z = H x + v, in place; R : of all sensors, this one's block begins at `first`. Returns a status."""
-    m, n = H.shape
-    if not scalar:
-        R_own = np.empty((m, m))
-        _block(R, first, R_own)
-        return observed_update_step(x, P, z, H, R_own, sequential, whitened)
-    for a in range(m):
-        if np.isnan(z[a]):
-            continue
-        residual = z[a]
-        for j in range(n):
-            residual -= H[a, j] * x[j]
-        S = scalar_update_step(x, P, residual, H[a], R[first + a, first + a])
-        if not S > 0.0:
-            return a + 1
-        whitened[a] = residual / np.sqrt(S)
-    return 0
-
-
-@njit(cache=True)
-def _extended_update(x, P, residual, H, R, whitened):
-    """Condition on the components of a linearised observation that are not NaN, in place. Returns a status."""
-    m = residual.size
-    if m == 1:
-        if np.isnan(residual[0]):
-            return 0
-        S = scalar_update_step(x, P, residual[0], H[0], R[0, 0])
-        if not S > 0.0:
-            return 1
-        whitened[0] = residual[0] / np.sqrt(S)
-        return 0
-    if not _any_missing(residual):
-        return update_step(x, P, residual, H, R, np.empty((m, m)), whitened)
-    seen, residual, H, R = rows_seen(residual, H, R)
-    white = np.empty(seen.size)
-    status = update_step(x, P, residual, H, R, np.empty((seen.size, seen.size)), white)
-    if status == 0:
-        for b in range(seen.size):
-            whitened[seen[b]] = white[b]
-    return status
-
-
-@register_jitable
-def _adapted_update(judge, x, P, residual, H, R, options, whitened, weights):
-    """As `_extended_update`, after the hook judged prediction and observations. Returns (status, factor)."""
-    seen, residual, H, R = rows_seen(residual, H, R)
-    white, weight = np.empty(seen.size), np.empty(seen.size)
-    for b in range(seen.size):
-        weight[b] = 1.0
-    status, alpha = judge(
-        options.adapt, P, residual, H, R, options.k0, options.k1, options.floor, options.states, white, weight
-    )
-    if status == 0:
-        for b in range(seen.size):
-            whitened[seen[b]] = white[b]
-            weights[seen[b]] = weight[b]
-        status = update_step(x, P, residual, H, R, np.empty((seen.size, seen.size)), white)
-    return status, alpha
-
-
-@njit(cache=True)
-def _unscented_update(x, P, U, gamma, z, R, c, w, whitened):
-    """Condition on the components of z that are not NaN, given all images gamma (2 n + 1, m). Returns a status."""
-    m = z.size
-    if not _any_missing(z):
-        return unscented_update_step(x, P, U, gamma, z, R, c, w, np.empty((m, m)), whitened)
-    seen, z, _, R = rows_seen(z, R, R)
-    white, columns = np.empty(seen.size), np.empty((gamma.shape[0], seen.size))
-    for i in range(gamma.shape[0]):
-        for b in range(seen.size):
-            columns[i, b] = gamma[i, seen[b]]
-    status = unscented_update_step(x, P, U, columns, z, R, c, w, np.empty((seen.size, seen.size)), white)
-    if status == 0:
-        for b in range(seen.size):
-            whitened[seen[b]] = white[b]
-    return status
-
-
-@njit(cache=True)
-def _projected(H, x, h):
-    """h = H x."""
-    for a in range(H.shape[0]):
-        h[a] = 0.0
-        for j in range(H.shape[1]):
-            h[a] += H[a, j] * x[j]
-
-
-@njit(cache=True)
-def _subtracted(z, h):
-    """h = z - h."""
-    for a in range(h.size):
-        h[a] = z[a] - h[a]
-
-
-@njit(cache=True)
-def _less(H, d, residual):
-    """residual -= H d."""
-    for b in range(H.shape[0]):
-        for j in range(H.shape[1]):
-            residual[b] -= H[b, j] * d[j]
-
-
-@njit(cache=True)
-def _transposed(A, out):
-    for i in range(A.shape[0]):
-        for j in range(A.shape[1]):
-            out[j, i] = A[i, j]
-
-
-@njit(cache=True)
 def _block(A, first, out):
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
@@ -231,35 +114,58 @@ def _block(A, first, out):
 
 
 @register_jitable
+def _innovation(observe, linear, t, x, z, u, p, h, H, R):
+    """Write z - h(x) into h, with the H and R of this state. Returns a status."""
+    if linear:
+        status = 0
+        for a in range(h.size):
+            h[a] = 0.0
+        add_vector_product(h, 1.0, x, transposed(H))
+    else:
+        status = observe(t, x, u, p, h, H, R)
+    for a in range(h.size):
+        h[a] = z[a] - h[a]
+    return status
+
+
+@register_jitable
+def _adapted(judge, options, x, P, residual, H, R, whitened, weights):
+    """Update after a hook judged prediction and observations. Returns (status, factor)."""
+    seen, residual, H, R = rows_seen(residual, H, R)
+    white, weight = np.empty(seen.size), np.ones(seen.size)
+    status, alpha = judge(
+        options.adapt, P, residual, H, R, options.k0, options.k1, options.floor, options.states, white, weight
+    )
+    if status == 0:
+        for b in range(seen.size):
+            whitened[seen[b]] = white[b]
+            weights[seen[b]] = weight[b]
+        status = update_step(x, P, residual, H, R, np.empty(R.shape), white)
+    return status, alpha
+
+
+@register_jitable
 def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R_all, first, R, x, P, whitened):
-    """An extended update with several linearisations, a gate or a manifold, in place. Returns (what failed, status)."""
-    n, squares = P.shape[0], 0.0
-    prior, P_prior = np.empty(x.size), np.empty((n, n))
-    copy_state(x, P, prior, P_prior)
-    d, moved, white = np.zeros(n), np.empty(x.size), np.empty(z.size)
-    for a in range(z.size):
-        white[a] = np.nan
+    """Update by linearisation, once or more, with a gate. Returns (what failed, status)."""
+    prior, P_prior, d, moved, white = x.copy(), P.copy(), np.zeros(P.shape[0]), np.empty(x.size), whitened.copy()
+    squares = 0.0
     for i in range(options.iterations):
-        if linear:
-            _projected(H, x, h)
-        else:
-            _block(R_all, first, R)
-            status = observe(t, x, u, p, h, H, R)
-            if status != 0:
-                return SENSOR, status
-        _subtracted(z, h)
+        _block(R_all, first, R)
+        status = _innovation(observe, linear, t, x, z, u, p, h, H, R)
+        if status != 0:
+            return SENSOR, status
         if i > 0:  # linearised here, the prior is still that from before
             difference(x, prior, d)
-            _less(H, d, h)
+            add_vector_product(h, -1.0, d, transposed(H))
             for j in range(d.size):
                 d[j] = 0.0
             copy(P_prior, P)
-        status = _extended_update(d, P, h, H, R, white)
+        status = joint_update_step(d, P, h, H, R, white)
         if status != 0:
             return INNOVATION, status
         if i == 0:
-            copy_vector(white, whitened)
             for a in range(white.size):
+                whitened[a] = white[a]
                 if not np.isnan(white[a]):
                     squares += white[a] * white[a]
             if squares > options.gate:
@@ -271,16 +177,17 @@ def _iterated(observe, retract, difference, options, linear, t, z, u, p, h, H, R
 
 
 def loop(propagate, observe, retract, difference, judge, t, motion, sensing, options, course):
-    """Filter all epochs. Returns (epoch, what, row): what failed, a code from above, in which row; or (-1, 0, 0)."""
+    """Filter all epochs.
+
+    Returns (epoch, what, row): what failed, a code from above, in which row; or (-1, 0, 0).
+    """
     N, M = sensing.z.shape
     n = course.cov.shape[1]
     points, nothing = 2 * n + 1, np.empty((0, 0))
     h_all, H_all, R_all, gamma_all = np.empty(M), np.empty(M * n), np.empty(M * M), np.empty(points * M)
     chi, U, image = np.empty((points, n)), np.empty((n, n)), np.empty((points, n))
     D, rest, zero, spare, R_spare = np.empty((n, n)), np.empty((n, n)), np.zeros(n), np.empty(n), np.empty(M * M)
-    identity, none = np.zeros((n, n)), np.zeros((n, n))
-    for j in range(n):
-        identity[j, j] = 1.0
+    unit, none = identity(n), np.zeros((n, n))
     for k in range(N):
         x, P = course.mean[k], course.cov[k]
         if k > 0:
@@ -292,7 +199,7 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
                 predict_step(x_before, P_before, motion.Phi[s], motion.Q[s], x_next, P_next)
             elif t[k] == t[k - 1]:  # another observation of the same epoch
                 copy_state(x_before, P_before, x_next, P_next)
-                copy(identity, motion.Phi[k - 1])
+                copy(unit, motion.Phi[k - 1])
                 copy(none, motion.Q[k - 1])
             elif motion.kind == EXTENDED:
                 Phi, Q = motion.Phi[k - 1], motion.Q[k - 1]
@@ -312,7 +219,7 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
                         return k, MODEL, status
                 transform_step(image, Q, options.c, options.w, x_next, D, rest, P_next)
                 solve_upper(U, D)  # D' is now the linearisation
-                _transposed(D, motion.Phi[k - 1])
+                copy(transposed(D), motion.Phi[k - 1])
                 copy(rest, Q)
         copy_state(course.predicted_mean[k], course.predicted_cov[k], x, P)
         for s in range(sensing.kind.size):
@@ -323,48 +230,41 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
             m, white = last - first, course.whitened[k, first:last]
             R_k, H_k = sensing.R[k % sensing.R.shape[0]], sensing.H[k % sensing.H.shape[0], first:last]
             linear = sensing.kind[s] == LINEAR
+            R = R_all[: m * m].reshape((m, m))
+            _block(R_k, first, R)
             if linear and options.plain:
-                status = _linear_update(x, P, z, H_k, R_k, first, sensing.scalar[s], sensing.sequential[s], white)
+                status = observed_update_step(x, P, z, H_k, R, sensing.sequential[s], white)
                 if status != 0:
                     return k, INNOVATION if status > 0 else NOISE, first + abs(status)
                 continue
+            function = observe[sensing.function[s]]
             u = sensing.inputs[k, sensing.inputs_first[s] : sensing.inputs_first[s + 1]]
             p = sensing.params[sensing.params_first[s] : sensing.params_first[s + 1]]
-            R = R_all[: m * m].reshape((m, m))
-            _block(R_k, first, R)
             if sensing.kind[s] == UNSCENTED:
                 status = sigma_points_step(x, P, options.c, chi, U)
                 if status != 0:
                     return k, DRAW, status
                 gamma, R_rest = gamma_all[: points * m].reshape((points, m)), R_spare[: m * m].reshape((m, m))
                 for i in range(points):  # the noise is that of the first point, the mean
-                    status = observe[sensing.function[s]](t[k], chi[i], u, p, gamma[i], nothing, R if i == 0 else R_rest)
+                    status = function(t[k], chi[i], u, p, gamma[i], nothing, R if i == 0 else R_rest)
                     if status != 0:
                         return k, SENSOR, status
-                status = _unscented_update(x, P, U, gamma, z, R, options.c, options.w, white)
+                status = seen_update_step(x, P, U, gamma, z, R, options.c, options.w, white)
                 if status != 0:
                     return k, INNOVATION, first + status
                 continue
             h, H = h_all[:m], H_all[: m * n].reshape((m, n))
             if linear:
                 copy(H_k, H)
-                _projected(H, x, h)
-            if options.plain or options.adapt > 0:
-                if not linear:
-                    status = observe[sensing.function[s]](t[k], x, u, p, h, H, R)
-                    if status != 0:
-                        return k, SENSOR, status
-                _subtracted(z, h)
-                if options.adapt > 0:
-                    weights = course.weights[k, first:last]
-                    status, course.alpha[k] = _adapted_update(judge, x, P, h, H, R, options, white, weights)
-                else:
-                    status = _extended_update(x, P, h, H, R, white)
-                what = INNOVATION
+            what = SENSOR
+            if options.adapt > 0:
+                status = _innovation(function, linear, t[k], x, z, u, p, h, H, R)
+                if status == 0:
+                    what, weights = INNOVATION, course.weights[k, first:last]
+                    status, course.alpha[k] = _adapted(judge, options, x, P, h, H, R, white, weights)
             else:
                 what, status = _iterated(
-                    observe[sensing.function[s]], retract, difference, options, linear, t[k], z, u, p, h, H, R_k, first,
-                    R, x, P, white,
+                    function, retract, difference, options, linear, t[k], z, u, p, h, H, R_k, first, R, x, P, white
                 )
             if status != 0:
                 return k, what, status if what == SENSOR else first + status
@@ -375,17 +275,17 @@ _jitable = register_jitable(loop)
 
 
 def _four(propagate, a, b, c, d, retract, difference, judge, t, motion, sensing, options, course):
-    """Run `loop` with its tuple of functions made inside: numba warns of each that comes from outside."""
+    """Run `loop` with a tuple of functions made here: numba warns of one from outside."""
     return _jitable(propagate, (a, b, c, d), retract, difference, judge, t, motion, sensing, options, course)
 
 
 @functools.cache
 def compiled():
-    """The loop as machine code."""
+    """Compile the loop, once."""
     stack, table, ints, flags = types.float64[:, :, ::1], types.float64[:, ::1], types.int64[::1], types.boolean[::1]
     real, whole, flag = types.float64, types.int64, types.boolean
     motion = types.NamedTuple([whole, table, vector, stack, stack, ints], Motion)
-    sensing = types.NamedTuple([ints, ints, ints, flags, flags, table, stack, stack, table, ints, vector, ints], Sensing)
+    sensing = types.NamedTuple([ints, ints, ints, flags, table, stack, stack, table, ints, vector, ints], Sensing)
     options = types.NamedTuple([real, real, flag, whole, real, whole, real, real, real, whole], Options)
     course = types.NamedTuple([table, stack, table, stack, table, vector, table], Course)
     observe = [types.FunctionType(OBSERVE)] * FUNCTIONS
@@ -398,13 +298,15 @@ def compiled():
         return njit([signature], cache=True, nogil=True)(_four)
 
 
-@njit(PROPAGATE, cache=True)
-def no_propagation(t0, t1, x, u, p, x_out, F, Q):
-    """Stand in for the function of a linear model."""
+@functools.cache
+def stand_ins():
+    """Compile what stands in for the functions of a linear model and a linear sensor."""
+    return njit([PROPAGATE], cache=True)(_no_propagation), njit([OBSERVE], cache=True)(_no_observation)
+
+
+def _no_propagation(t0, t1, x, u, p, x_out, F, Q):
     return 1
 
 
-@njit(OBSERVE, cache=True)
-def no_observation(t, x, u, p, h, H, R):
-    """Stand in for the function of a linear sensor."""
+def _no_observation(t, x, u, p, h, H, R):
     return 1

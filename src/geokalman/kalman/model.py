@@ -1,4 +1,4 @@
-"""What a filter believes: a model of the motion and sensors, as matrices, Python functions or compiled functions.
+"""What a filter believes: a model and sensors, as matrices or functions.
 
 Compiled functions (`numba.njit` with the signatures below) write into the arrays that they are given and return 0, or a
 positive number of their own that stops the run. An array of size zero is not wanted. u is the row of the inputs for
@@ -14,6 +14,7 @@ this step or epoch, p the parameters.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -31,30 +32,51 @@ RETRACT = types.void(vector, vector, vector)
 DIFFERENCE = types.void(vector, vector, vector)
 
 
-@njit(RETRACT, cache=True)
-def add(x, d, x_out):
-    """Retraction of a flat space: x_out = x + d."""
+def _add(x, d, x_out):
+    """Retract in a flat space: x_out = x + d."""
     for j in range(x.size):
         x_out[j] = x[j] + d[j]
 
 
-@njit(DIFFERENCE, cache=True)
-def subtract(x, y, d):
-    """Difference of a flat space: d = y - x."""
+def _subtract(x, y, d):
+    """Subtract in a flat space: d = y - x."""
     for j in range(x.size):
         d[j] = y[j] - x[j]
 
 
 def is_kernel(function: Callable, signature) -> bool:
-    """Has a function the arguments of a compiled signature? So it is recognised where compilation is off, too."""
+    """Recognise a compiled function by its arguments, also where compilation is off.
+
+    >>> is_kernel(_add, RETRACT), is_kernel(lambda x: x, RETRACT)
+    (True, False)
+    """
     code = getattr(getattr(function, "py_func", function), "__code__", None)
     return code is not None and code.co_argcount == len(signature.args)
 
 
+def checked_once(check: Callable, name: str, function: Callable, *shape: int | None) -> Callable:
+    """Wrap a function whose first value is checked and whose later ones are trusted.
+
+    >>> checked_once(array, "f(x)", lambda x: [2.0 * x], 1)(3.0).tolist()
+    [6.0]
+    """
+    trusted = False
+
+    def checked(*arguments):
+        nonlocal trusted
+        value = function(*arguments)
+        if not trusted:
+            value, trusted = check(name, value, *shape), True
+        return value
+
+    return checked
+
+
 @dataclass(frozen=True, kw_only=True)
 class Manifold:
-    """A state space that is not flat: x [+] d retracts an error d (n,) into a state, y [-] x is the error from x to y.
+    """A state space that is not flat.
 
+    x [+] d retracts an error d (n,) into a state, y [-] x is the error from x to y.
     retract, difference : compiled, `RETRACT` and `DIFFERENCE`; or Python functions retract(x, d) -> x [+] d and
     difference(x, y) -> y [-] x. n : number of components of an error.
     Source: Hertzberg et al. (2013), Information Fusion 14, 57-77.
@@ -69,30 +91,32 @@ class Manifold:
         """Are both functions compiled?"""
         return is_jitted(self.retract) and is_jitted(self.difference)
 
-    def kernels(self) -> tuple[Callable, Callable]:
-        """Both functions with the compiled signatures; Python functions wrapped, what they give first is checked."""
+    def kernels(self, nx: int) -> tuple[Callable, Callable]:
+        """Give both functions with the compiled signatures, for states of nx numbers."""
         if is_kernel(self.retract, RETRACT) and is_kernel(self.difference, DIFFERENCE):
             return self.retract, self.difference
-        checked = set()
+        of_x = checked_once(array, "retract(x, d)", self.retract, nx)
+        to_y = checked_once(array, "difference(x, y)", self.difference, self.n)
 
         def retract(x, d, x_out):
-            value = self.retract(x, d)
-            if "retract" not in checked:
-                value = array("retract(x, d)", value, len(x_out))
-                checked.add("retract")
-            x_out[:] = value
+            x_out[:] = of_x(x, d)
 
         def difference(x, y, d):
-            value = self.difference(x, y)
-            if "difference" not in checked:
-                value = array("difference(x, y)", value, self.n)
-                checked.add("difference")
-            d[:] = value
+            d[:] = to_y(x, y)
 
         return retract, difference
 
 
-FLAT = Manifold(retract=add, difference=subtract, n=0)
+@functools.cache
+def flat() -> Manifold:
+    """Make the flat space, whose functions are compiled at the first run and not at import.
+
+    >>> flat().compiled
+    True
+    """
+    return Manifold(
+        retract=njit([RETRACT], cache=True)(_add), difference=njit([DIFFERENCE], cache=True)(_subtract), n=0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Run a filter over epochs and sensors: what a user gives is checked here, once, and handed to the loop."""
+"""Run a filter over epochs and sensors: what a user gives is checked, then filtered."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Literal
 import numpy as np
 from numba.extending import is_jitted
 
-from geokalman.kalman.adaptive import HOOKS, Adaptive, judgement, no_judgement
+from geokalman.kalman.adaptive import HOOKS, Adaptive, judging_step
 from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, covariances, epochs, matrices, scalar, whole
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory, gaussian
 from geokalman.kalman.linear import steps
 from geokalman.kalman.loop import (
     DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, Course, Motion,
-    Options, Sensing, compiled, loop, no_observation, no_propagation,
+    Options, Sensing, compiled, loop, stand_ins,
 )  # fmt: skip
-from geokalman.kalman.model import FLAT, OBSERVE, PROPAGATE, Manifold, Model, Sensor, is_kernel
+from geokalman.kalman.model import OBSERVE, PROPAGATE, Manifold, Model, Sensor, checked_once, flat, is_kernel
 from geokalman.kalman.unscented import spread
 
 Kind = Literal["extended", "unscented"]
@@ -36,7 +36,7 @@ def run(
     gate: float = np.inf,
     adaptive: Adaptive | None = None,
 ) -> Trajectory:
-    """Filter N epochs of several sensors; the sensors of an epoch are processed in their order.
+    """Filter N epochs of several sensors, those of an epoch in their order.
 
     prior : Gaussian at t[0], before the observations of that epoch; t : (N,) [s], increasing, or with equal neighbours
     where f is a function; model, sensors : see `Model` and `Sensor`; kind : how what is not linear is treated,
@@ -58,13 +58,13 @@ def run(
     if kind not in ("extended", "unscented"):
         raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented")
     code = EXTENDED if kind == "extended" else UNSCENTED
-    space = model.manifold or FLAT
-    prior = gaussian(*prior) if space is FLAT else _on_manifold(prior, space)
+    space = model.manifold or flat()
+    prior = _on_manifold(prior, space) if model.manifold else gaussian(*prior)
     t, n = epochs(t, repeated=model.f is not None), len(prior.cov)
     N = len(t)
-    propagate, motion = _motion(model, t, n, code)
+    propagate, motion = _motion(model, t, len(prior.mean), n, code)
     observe, sensing = _sensing(sensors, N, n, code)
-    options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, space, code)
+    options = _options(spread(n, alpha, beta, kappa), iterations, gate, adaptive, model.manifold, code)
     nx, M = len(prior.mean), sensing.z.shape[1]
     if adaptive is not None:
         _judgeable(adaptive, sensing.kind, n)
@@ -77,14 +77,13 @@ def run(
         np.ones(judged), np.full((judged, M), np.nan),
     )  # fmt: skip
     course.predicted_mean[0], course.predicted_cov[0] = prior
-    judge = no_judgement if adaptive is None else judgement()
     machine = space.compiled and len(observe) <= FUNCTIONS and all(map(is_jitted, (propagate, *observe)))
-    arrays = (judge, t, motion, sensing, options, course)
+    arrays = (judging_step(adaptive is not None), t, motion, sensing, options, course)
     if machine:
-        observe += (no_observation,) * (FUNCTIONS - len(observe))
-        epoch, what, row = compiled()(propagate, *observe, *space.kernels(), *arrays)
+        observe += (stand_ins()[1],) * (FUNCTIONS - len(observe))
+        epoch, what, row = compiled()(propagate, *observe, *space.kernels(nx), *arrays)
     else:
-        epoch, what, row = loop(propagate, observe, *space.kernels(), *arrays)
+        epoch, what, row = loop(propagate, observe, *space.kernels(nx), *arrays)
     last = N if what == 0 else epoch if what == MODEL else epoch + 1  # beyond, nothing was computed
     trajectory = Trajectory(
         t[:last], *(part[:last] for part in course[:5]), motion.Phi, motion.Q, motion.step[: max(last - 1, 0)],
@@ -125,26 +124,26 @@ def _on_manifold(prior: Gaussian, space: Manifold) -> Gaussian:
     return Gaussian(array("mean", prior[0], None), covariance("covariance", prior[1], space.n))
 
 
-def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold, kind: int) -> Options:
+def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold | None, kind: int) -> Options:
     if whole("iterations", iterations) < 1:
         raise ValueError(f"iterations = {iterations}: an update needs at least one linearisation")
     if not (gate == np.inf or scalar("gate", gate) > 0.0):
         raise ValueError(f"gate = {gate}: it must be positive; inf admits every observation")
-    plain = space is FLAT and iterations == 1 and gate == np.inf and adaptive is None
-    if not plain and kind == UNSCENTED and (space is not FLAT or iterations > 1 or gate < np.inf):
+    iterated = space is not None or iterations > 1 or gate < np.inf
+    if iterated and kind == UNSCENTED:
         raise ValueError("manifold, iterations and gate belong to the extended filter: take kind = 'extended'")
-    if adaptive is not None and (space is not FLAT or iterations > 1 or gate < np.inf):
+    if iterated and adaptive is not None:
         raise ValueError("an adaptive hook takes a flat state, one linearisation and no gate")
     hook = Adaptive(by="ratio") if adaptive is None else adaptive
-    judge = 0 if adaptive is None else HOOKS[hook.by]
     return Options(
-        *scaling, plain, int(iterations), float(gate), judge, float(hook.k0), float(hook.k1), float(hook.floor),
-        int(hook.states),
+        *scaling, plain=not iterated and adaptive is None, iterations=int(iterations), gate=float(gate),
+        adapt=0 if adaptive is None else HOOKS[hook.by], k0=float(hook.k0), k1=float(hook.k1), floor=float(hook.floor),
+        states=int(hook.states),
     )  # fmt: skip
 
 
-def _motion(model: Model, t: np.ndarray, n: int, kind: int):
-    """The model as a function with the signature PROPAGATE and as arrays."""
+def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
+    """Give the model as a function with the signature PROPAGATE and as arrays."""
     steps_count = len(t) - 1
     params = array("params of the model", model.params, None)
     inputs = model.inputs
@@ -154,32 +153,25 @@ def _motion(model: Model, t: np.ndarray, n: int, kind: int):
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
-        return no_propagation, Motion(LINEAR, inputs, params, Phi, Q, step)
+        return stand_ins()[0], Motion(LINEAR, inputs, params, Phi, Q, step)
     Phi, Q = np.zeros((2, steps_count, n, n))
     if model.Q is not None and not callable(model.Q):
         Q[:] = covariances("Q", model.Q, steps_count, n)
     motion = Motion(kind, inputs, params, Phi, Q, np.arange(steps_count))
-    return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, n, kind), motion
+    return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, nx, n, kind), motion
 
 
-def _propagation(model: Model, n: int, kind: int):
-    """Python functions f, F, Q as one with the signature PROPAGATE; what they give first is checked, then trusted."""
-    f, F, Q = model.f, model.F, model.Q if callable(model.Q) else None
+def _propagation(model: Model, nx: int, n: int, kind: int):
+    """Join Python functions f, F, Q to one with the signature PROPAGATE."""
+    f, F = model.f, model.F
     if kind == EXTENDED and F is None:
         raise ValueError("the model has no F: the extended filter needs the Jacobian of f")
     if model.Q is None:
         raise ValueError("the model has no Q: give the covariance of a step")
-    checked = False
+    f, F = checked_once(array, "f(x)", f, nx), checked_once(array, "F(x)", F, n, n)
+    Q = checked_once(covariance, "Q", model.Q, n) if callable(model.Q) else None
 
     def propagate(t0, t1, x, u, p, x_out, F_out, Q_out):
-        nonlocal checked
-        if not checked:
-            array("f(x)", f(x, t0, t1), len(x_out))
-            if F_out.size:
-                array("F(x)", F(x, t0, t1), n, n)
-            if Q is not None:
-                covariance("Q", Q(t0, t1), n)
-            checked = True
         x_out[:] = f(x, t0, t1)
         if F_out.size:
             F_out[:] = F(x, t0, t1)
@@ -191,19 +183,13 @@ def _propagation(model: Model, n: int, kind: int):
 
 
 def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
-    """Python functions h, H as one with the signature OBSERVE; what they give first is checked, then trusted."""
+    """Join Python functions h, H to one with the signature OBSERVE."""
     h, H = sensor.h, sensor.H
     if kind == EXTENDED and H is None:
         raise ValueError(f"sensor {i} has no H: the extended filter needs the Jacobian of every sensor")
-    checked = False
+    h, H = checked_once(array, "h(x)", h, m), checked_once(array, "H(x)", H, m, n)
 
     def observe(t, x, u, p, h_out, H_out, R):
-        nonlocal checked
-        if not checked:
-            array("h(x)", h(x, t), m)
-            if H_out.size:
-                array("H(x)", H(x, t), m, n)
-            checked = True
         h_out[:] = h(x, t)
         if H_out.size:
             H_out[:] = H(x, t)
@@ -213,7 +199,7 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
 
 
 def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
-    """The sensors as functions with the signature OBSERVE and as arrays."""
+    """Give the sensors as functions with the signature OBSERVE and as arrays."""
     if not sensors:
         raise ValueError("there is no sensor: give at least one")
     z = [array(f"z of sensor {i}", s.z, N, None, missing=True) for i, s in enumerate(sensors)]
@@ -226,7 +212,7 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     linear = [s.h is None for s in sensors]
     H = [matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)) for i, s, m in numbered]
     functions = tuple(
-        no_observation if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
+        stand_ins()[1] if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
         for i, s, m in numbered
     )
     inputs = [
@@ -239,7 +225,6 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
         first=_offsets(width),
         kind=np.where(linear, LINEAR, kind),
         function=np.array([different.index(function) for function in functions]),
-        scalar=np.array([s.sequential and _diagonal(noise) for s, noise in zip(sensors, R, strict=True)]),
         sequential=np.array([s.sequential for s in sensors]),
         z=np.hstack(z),
         R=_side_by_side(R, diagonal=True),
@@ -251,16 +236,12 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     )
 
 
-def _diagonal(R: np.ndarray) -> bool:
-    return np.count_nonzero(R) == np.count_nonzero(np.diagonal(R, axis1=1, axis2=2))
-
-
 def _offsets(lengths: Sequence[int]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
 
 
 def _side_by_side(stacks: Sequence[np.ndarray], diagonal: bool) -> np.ndarray:
-    """One stack (K, M, M), block diagonal, or (K, M, n), one below the other, from those of the sensors."""
+    """Join the stacks of the sensors to (K, M, M), block diagonal, or (K, M, n)."""
     if len(stacks) == 1:
         return stacks[0]
     K = max(len(stack) for stack in stacks)

@@ -1,4 +1,4 @@
-"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965); `information` has the two-filter form of the same.
+"""Fixed-interval smoothing by Rauch, Tung and Striebel (1965).
 
 On a manifold the error lives in a tangent space, R^n: the smoother estimates it again from the next epoch, and a
 retraction puts it into the state (Lefferts, Markley & Shuster 1982, J. Guidance 5(5), 417-429).
@@ -12,149 +12,64 @@ import numpy as np
 from numba import njit, types
 
 from geokalman.kalman.checks import NotPositiveDefinite
-from geokalman.kalman.dense import cholesky_upper, copy_state, solve_lower, solve_upper
+from geokalman.kalman.dense import (
+    cholesky_upper, copy, copy_state, copy_vector, identity, solve_lower, solve_upper, symmetrise,
+)  # fmt: skip
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.model import DIFFERENCE, RETRACT
 
 
 @njit(cache=True)
-def rts_mean_step(
-    x: np.ndarray,
-    P: np.ndarray,
-    x_predicted: np.ndarray,
-    P_predicted: np.ndarray,
-    Phi: np.ndarray,
-    x_next: np.ndarray,
-    x_out: np.ndarray,
-) -> int:
-    """One backward step of the RTS smoother, mean only:  x_out = x + P Phi' P_predicted^-1 (x_next - x_predicted).
+def rts_mean_step(x, P, x_predicted, P_predicted, Phi, x_next, x_out):
+    """Smooth the mean of one epoch:  x_out = x + P Phi' P_predicted^-1 (x_next - x_predicted).
 
     x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi; x_next : smoothed
     there; vectors (n,), matrices (n, n). x_out may be x.
     Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
     """
-    n = x.shape[0]
-    U = np.empty((n, n))
+    U, d = np.empty(P.shape), x_next - x_predicted
     status = cholesky_upper(P_predicted, U)
     if status != 0:
         return status
-    b = np.empty((n, 1))
-    for j in range(n):
-        b[j, 0] = x_next[j] - x_predicted[j]
-    solve_lower(U, b)
-    solve_upper(U, b)
-    back = np.zeros(n)
-    for i in range(n):
-        for j in range(n):
-            back[j] += Phi[i, j] * b[i, 0]
-    for j in range(n):
-        x_out[j] = x[j]
-    for i in range(n):
-        for j in range(n):
-            x_out[j] += P[i, j] * back[i]
+    solve_lower(U, d.reshape((d.size, 1)))
+    solve_upper(U, d.reshape((d.size, 1)))
+    copy_vector(x + P @ (d @ Phi), x_out)
     return 0
 
 
 @njit(cache=True)
-def rts_step(
-    x: np.ndarray,
-    P: np.ndarray,
-    x_predicted: np.ndarray,
-    P_predicted: np.ndarray,
-    Phi: np.ndarray,
-    Q: np.ndarray,
-    x_next: np.ndarray,
-    P_next: np.ndarray,
-    x_out: np.ndarray,
-    P_out: np.ndarray,
-) -> int:
-    """One backward step of the RTS smoother; its covariance is a sum of squares, so it stays symmetric and positive.
+def rts_step(x, P, x_predicted, P_predicted, Phi, Q, x_next, P_next, x_out, P_out):
+    """Smooth one epoch; its covariance is a sum of squares, symmetric and positive.
 
     C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
     P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
-    x, P : filtered at this epoch; x_predicted, P_predicted : predicted for the next one through Phi, Q; x_next, P_next
-    :
-    smoothed there; vectors (n,), matrices (n, n). The outputs must not overlap P, Phi, Q, P_next; x_out may be x.
-    Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
+    Q, P_next : (n, n), the noise of the step and the smoothed covariance of the next epoch; else as `rts_mean_step`.
     """
-    n = x.shape[0]
-    U = np.empty((n, n))
+    U, C = np.empty(P.shape), Phi @ P  # C' = P_predicted^-1 Phi P
     status = cholesky_upper(P_predicted, U)
     if status != 0:
         return status
-    C = np.zeros((n, n))  # C' = P_predicted^-1 Phi P
-    for i in range(n):
-        for k in range(n):
-            phi = Phi[i, k]
-            if phi != 0.0:
-                for j in range(n):
-                    C[i, j] += phi * P[k, j]
     solve_lower(U, C)
     solve_upper(U, C)
-    for j in range(n):
-        x_out[j] = x[j]
-    for i in range(n):
-        step = x_next[i] - x_predicted[i]
-        for j in range(n):
-            x_out[j] += C[i, j] * step
-    A = np.zeros((n, n))  # (I - C Phi)'
-    for i in range(n):
-        A[i, i] = 1.0
-        for k in range(n):
-            phi = Phi[k, i]
-            if phi != 0.0:
-                for j in range(n):
-                    A[i, j] -= phi * C[k, j]
-    for i in range(n):
-        for j in range(n):
-            P_out[i, j] = 0.0
-            U[i, j] = Q[i, j] + P_next[i, j]
-    _add_congruence(P, A, P_out)
-    _add_congruence(U, C, P_out)
-    for i in range(n):
-        for j in range(i):
-            P_out[i, j] = P_out[j, i]
+    copy_vector(x + (x_next - x_predicted) @ C, x_out)
+    A = identity(x.size) - Phi.T @ C
+    copy(A.T @ P @ A + C.T @ (Q + P_next) @ C, P_out)
+    symmetrise(P_out)
     return 0
 
 
 @njit(cache=True)
-def _add_congruence(M: np.ndarray, B: np.ndarray, out: np.ndarray) -> None:
-    """Add B' M B to the upper triangle of out; all (n, n), M symmetric."""
-    n = M.shape[0]
-    row = np.empty(n)
-    for i in range(n):
-        for j in range(n):
-            row[j] = 0.0
-        for k in range(n):
-            for j in range(n):
-                row[j] += M[i, k] * B[k, j]
-        for k in range(n):
-            for j in range(k, n):
-                out[k, j] += B[i, k] * row[j]
+def rts_loop(mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_out):
+    """Smooth N epochs backward.
 
-
-@njit(cache=True)
-def rts_loop(
-    mean: np.ndarray,
-    cov: np.ndarray,
-    predicted_mean: np.ndarray,
-    predicted_cov: np.ndarray,
-    Phi: np.ndarray,
-    Q: np.ndarray,
-    step: np.ndarray,
-    x_out: np.ndarray,
-    P_out: np.ndarray,
-) -> tuple[int, int]:
-    """Smooth N epochs backward: arrays as in a `Trajectory`, Phi, Q : (K, n, n) chosen by step : (N - 1,).
-
+    Arrays as in a `Trajectory`, Phi, Q : (K, n, n) chosen by step : (N - 1,).
     Outputs x_out : (N, n) and P_out : (N, n, n), or (0, n, n) where no covariances are wanted. Returns (epoch, status)
     of the first predicted covariance that is not positive definite, or (-1, 0).
     """
     last = mean.shape[0] - 1
-    for j in range(mean.shape[1]):
-        x_out[last, j] = mean[last, j]
+    copy_vector(mean[last], x_out[last])
     if P_out.shape[0] > 0:
-        copy_state(mean[last], cov[last], x_out[last], P_out[last])
+        copy(cov[last], P_out[last])
     for k in range(last - 1, -1, -1):
         x, P, s = mean[k], cov[k], step[k]
         x_next, P_next = predicted_mean[k + 1], predicted_cov[k + 1]
@@ -168,8 +83,9 @@ def rts_loop(
 
 
 def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov, Phi, Q, step, x_out, P_out):
-    """Smooth N epochs backward: d = C (x_next [-] predicted), C = P Phi' P_predicted^-1, x_out = mean [+] d.
+    """Smooth N epochs on a manifold backward.
 
+    d = C (x_next [-] predicted),  C = P Phi' P_predicted^-1,  x_out = mean [+] d.
     Arrays as in `rts_loop`, with states (N, nx) and errors of n components; outputs x_out : (N, nx) and
     P_out : (N, n, n). Returns (epoch, status) of the first predicted covariance without a root, or (-1, 0).
     """
@@ -188,7 +104,7 @@ def error_rts_loop(retract, difference, mean, cov, predicted_mean, predicted_cov
 
 @functools.cache
 def compiled_error_rts_loop():
-    """The loop as machine code."""
+    """Compile the loop, once."""
     table, stack = types.float64[:, ::1], types.float64[:, :, ::1]
     signature = types.UniTuple(types.int64, 2)(
         types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE), table, stack, table, stack, stack, stack,
@@ -198,12 +114,11 @@ def compiled_error_rts_loop():
 
 
 def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
-    """Rauch-Tung-Striebel smoother of a filtered trajectory, linear, extended or unscented.
+    """Smooth a filtered trajectory by Rauch, Tung and Striebel.
 
     C = P Phi' (P_predicted)^-1,  mean = x + C (mean_next - x_predicted),
     cov = (I - C Phi) P (I - C Phi)' + C (Q + cov_next) C'.
-    course : the Trajectory of `run`; covariances : smooth them too (without them, None in the result,
-    it takes a quarter of the time).
+    course : the Trajectory of `run`; covariances : smooth them too (a quarter of the time without).
     Returns the Smoothed states. Raises NotPositiveDefinite with the epoch of a predicted covariance without full rank.
     Source: Rauch, Tung and Striebel (1965), AIAA J. 3, 1445-1450; for sigma points Sarkka (2008).
 
@@ -222,7 +137,7 @@ def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
         epoch, status = rts_loop(*arrays)
     else:
         loop = compiled_error_rts_loop() if course.manifold.compiled else error_rts_loop
-        epoch, status = loop(*course.manifold.kernels(), *arrays)
+        epoch, status = loop(*course.manifold.kernels(mean.shape[1]), *arrays)
     if status != 0:
         detail = f"its Cholesky pivot {status - 1} is not positive"
         raise NotPositiveDefinite("predicted covariance", epoch, float(course.t[epoch]), detail)
