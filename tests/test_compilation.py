@@ -174,9 +174,9 @@ def test_importing_the_package_changes_nothing_else(tmp_path):
     """No variable of the environment, no folder; another library's functions stay where numba puts them."""
     (tmp_path / "theirs.py").write_text("from numba import njit\n\n@njit(cache=True)\ndef f(x):\n    return x + 1\n")
     code = (
-        "import os, pathlib\nbefore = dict(os.environ)\nimport geokalman\nimport geokalman.kalman, theirs\n"
-        "assert dict(os.environ) == before and not pathlib.Path('home').exists()\n"
-        "from numba.core import caching\nprint(theirs.f(1), type(theirs.f._cache._cache_file).__name__, theirs.f._cache.cache_path)"
+        "import os, pathlib\nbefore = dict(os.environ)\nimport geokalman\nimport geokalman.kalman, theirs\nassert"
+        " dict(os.environ) == before and not pathlib.Path('home').exists()\nfrom numba.core import"
+        " caching\nprint(theirs.f(1), type(theirs.f._cache._cache_file).__name__, theirs.f._cache.cache_path)"
     )
     env = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | {
         "XDG_CACHE_HOME": str(tmp_path / "home")

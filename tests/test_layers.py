@@ -203,7 +203,10 @@ def test_truth_is_seen_through_a_helper(planted):
 )
 def test_a_notebook_that_reaches_into_the_machinery_is_seen(tmp_path, text, found):
     (tmp_path / "book" / "toy").mkdir(parents=True)
-    page = f"---\nkernelspec: {{display_name: Python 3, name: python3}}\n---\n# T\n\n```{{code-cell}} ipython3\n:tags: [a]\n\n{text}\n```\n\nprose\n"
+    page = (
+        "---\nkernelspec: {display_name: Python 3, name: python3}\n---\n# T\n\n```{code-cell} ipython3\n:tags:"
+        f" [a]\n\n{text}\n```\n\nprose\n"
+    )
     (tmp_path / "book" / "toy" / "01-a.md").write_text(page)
     [name] = notebooks.names(tmp_path)
     assert machinery(notebooks.code(notebooks.read(tmp_path, name))) == found

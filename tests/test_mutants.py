@@ -45,8 +45,9 @@ def test_a_mutant_is_killed_by_a_test_that_notices_it(tool, tmp_path, monkeypatc
     """Two tests of one function: one sees its value, one does not; and a mutant that never ends is stopped."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "test_twice.py").write_text(
-        "from pathlib import Path\ndef twice(a):\n    exec(Path('source.py').read_text(), s := {})\n    return s['f'](a)\n"
-        "def test_value():\n    assert twice(3) == 6\ndef test_type():\n    assert isinstance(twice(3), int)\n"
+        "from pathlib import Path\ndef twice(a):\n    exec(Path('source.py').read_text(), s := {})\n    return"
+        " s['f'](a)\ndef test_value():\n    assert twice(3) == 6\ndef test_type():\n    assert isinstance(twice(3),"
+        " int)\n"
     )
     seconds = {"test_twice.py::test_value": 0.1, "test_twice.py::test_type": 0.1}
     for source, by_value, by_type in (

@@ -83,7 +83,7 @@ def faults_of_package(root: Path) -> list[str]:
 def faults_of_targets(root: Path) -> list[str]:
     """Targets that others script against and the Makefile lacks, or does not explain."""
     text = (root / "Makefile").read_text()
-    wanted = "env book test check reference run notebooks lab bench clean".split()
+    wanted = ["env", "book", "test", "check", "reference", "run", "notebooks", "lab", "bench", "clean"]
     return [t for t in wanted if not re.search(rf"^{t}:.*## ", text, re.M)]
 
 
@@ -148,7 +148,7 @@ def test_the_gate_is_a_sound_script_that_others_call() -> None:
 )
 def test_a_planted_fault_is_seen(tmp_path: Path, path: str, old: str, new: str, faults, words: str) -> None:
     names = [f"{lock}.{kind}" for lock in ("environment", "tools/locks/lab") for kind in ("in", "txt")]
-    names += "pyproject.toml CITATION.cff LICENSE LICENSE-TEXT CHANGELOG.md Makefile .ci/run".split()
+    names += ["pyproject.toml", "CITATION.cff", "LICENSE", "LICENSE-TEXT", "CHANGELOG.md", "Makefile", ".ci/run"]
     for name in [*names, ".github/workflows/ci.yml"]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
@@ -254,6 +254,7 @@ def test_make_run_wants_a_notebook(tmp_path: Path) -> None:
     refused = make("run")
     told = "Name one of these notebooks, as in: make run NB="
     assert refused.returncode == 2 and refused.stdout.splitlines()[-1].startswith(told)
-    assert make("run", "NB=grace-fusion/04-ukf", "P=days=5 mu=3", "QUICK=1", "OUT=/tmp/a b").stdout == (
-        "called: run grace-fusion/04-ukf days=5 mu=3 --quick --out /tmp/a b\n"
+    assert (
+        make("run", "NB=grace-fusion/04-ukf", "P=days=5 mu=3", "QUICK=1", "OUT=/tmp/a b").stdout
+        == "called: run grace-fusion/04-ukf days=5 mu=3 --quick --out /tmp/a b\n"
     )

@@ -3,9 +3,10 @@
     python3 tools/environment.py [--venv DIR] [test] [lab]
 
 installs environment.txt, the package itself (editable), and the named further locks: just what stands there, without
-resolving anything. The uv that tools/locks/uv.txt pins does it; where uv cannot be had or fails, pip does. Nothing is done
-where the locks, the interpreter and the place are those of the last time. Two at once wait for each other.
+resolving anything. The uv that tools/locks/uv.txt pins does it; where uv cannot be had or fails, pip does. Nothing is
+done where the locks, the interpreter and the place are those of the last time. Two at once wait for each other.
 """
+
 # A Python as old as 3.6 must get far enough to be refused in one sentence: no `from __future__`, no later syntax.
 
 import argparse
@@ -22,7 +23,7 @@ import sys
 import sysconfig
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, Optional
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHONS = ((3, 11), (3, 13))
@@ -83,7 +84,7 @@ def this_host() -> Host:
     )
 
 
-def unsupported(host: Host) -> Optional[str]:
+def unsupported(host: Host) -> str | None:
     """Why the locks cannot be installed on this machine or with this Python, in one sentence, or None."""
     low, high = PYTHONS
     if host.kind != "CPython" or not low <= host.python <= high:
@@ -142,7 +143,7 @@ def alone(folder: Path):
         yield
 
 
-def failure(command: list, **how) -> Optional[str]:
+def failure(command: list, **how) -> str | None:
     """Run a program that inherits the lock of `alone`; its words where it fails, or None."""
     try:
         done = subprocess.run(
@@ -185,7 +186,9 @@ def bring_up_to_date(folder: Path, extras: list) -> None:
     package = digest(ROOT / "pyproject.toml")
     if stamp.get("package") != package:
         install(python, "--no-build-isolation", "-e", ROOT)
-        failure([python, "-m", "compileall", "-q", ROOT / "src"])  # what cannot be written, as on a read-only disk, may go
+        failure(
+            [python, "-m", "compileall", "-q", ROOT / "src"]
+        )  # what cannot be written, as on a read-only disk, may go
         stamp["package"] = package
     if stamp != known:
         check(python)

@@ -141,7 +141,8 @@ class Watch:
 
 
 def baseline(package: Path, tests: list[str], scratch: Path) -> tuple[dict[str, dict[int, set[str]]], dict[str, float]]:
-    """The tests that execute each line of each module, and the CPU seconds of a test; slow and failing ones left out."""
+    """The tests that execute each line of each module, and the CPU seconds of a test; slow and failing ones left
+    out."""
     store = scratch / "coverage"
     if _fork(lambda: _measure(package, tests, store)):
         sys.exit("The tests could not be run on the unchanged sources.")
@@ -181,7 +182,9 @@ def killed(tests: set[str], seconds: dict[str, float]) -> bool:
     """Does one of these tests fail, in a fork? A mutant that runs for ever is stopped by its CPU time, and killed."""
     limit = 10 + int(5 * sum(seconds[name] for name in tests))
     quickest_first = sorted(tests, key=lambda name: (seconds[name], name))
-    return _fork(lambda: int(pytest.main(["-xq", "--tb=no", "-p", "no:cacheprovider", *quickest_first]) != 0), limit) != 0
+    return (
+        _fork(lambda: int(pytest.main(["-xq", "--tb=no", "-p", "no:cacheprovider", *quickest_first]) != 0), limit) != 0
+    )
 
 
 def _fork(work: Callable[[], int], limit: int | None = None) -> int:

@@ -33,7 +33,7 @@ class DarkTwin(SphinxTransform):
 
 
 class VerdictBadge(SphinxTransform):
-    """Mark a table cell whose whole text is a verdict as a badge, and the cells of such a table by their columns' names."""
+    """Mark a table cell that is a verdict as a badge, and the cells of its table by their columns' names."""
 
     default_priority = 220
 

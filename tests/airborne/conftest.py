@@ -31,9 +31,25 @@ def six(kauring):
     return kauring.select([104000, 104100, 104200, 104300, 104400, 104500])
 
 
-HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
-    ","
-)
+HEADER = [
+    "LINE",
+    "FLIGHT",
+    "UTC",
+    "LON",
+    "LAT",
+    "EASTING",
+    "NORTHING",
+    "GPSZ",
+    "FZ",
+    "AZ",
+    "GRVRAW",
+    "LATCOR",
+    "EOTCOR",
+    "FACOR",
+    "FRA100",
+    "FRAL100",
+    "GND_FA",
+]
 
 
 @pytest.fixture(scope="session")

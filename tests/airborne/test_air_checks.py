@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from geokalman.airborne import experiment, read
+from geokalman.airborne.model import Tuning
 from geokalman.airborne.read import checks
 from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import KAURING, Layout
-from geokalman.airborne.model import Tuning
 from geokalman.reading import InputError
 
 CHANNELS = [*KAURING.columns.values(), *KAURING.corrections, *KAURING.references.values()]

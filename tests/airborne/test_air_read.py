@@ -7,8 +7,7 @@ import pytest
 from surveyfiles import HEADER, cut, write_csv
 
 from geokalman.airborne import read
-from geokalman.airborne.read import checks, quality, tables
-from geokalman.airborne.read import KAURING, survey
+from geokalman.airborne.read import KAURING, checks, quality, survey, tables
 from geokalman.data import data_path
 from geokalman.reading import InputError
 

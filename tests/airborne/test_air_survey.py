@@ -9,10 +9,9 @@ import pytest
 from surveyfiles import cut
 
 from geokalman.airborne import experiment, read
-from geokalman.airborne.read import checks, quality
 from geokalman.airborne.estimate import estimate
 from geokalman.airborne.model import Tuning
-from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, survey
+from geokalman.airborne.read import EASTVIC, KAURING, KAURING_DAT, checks, quality, survey
 from geokalman.reading import InputError
 
 

@@ -70,7 +70,7 @@ def test_covariance_of_the_combination_is_honest(missing):
 
 
 def test_no_camera_leaves_a_gap_and_flips_do_not_matter():
-    q, seen = one_epoch(np.random.default_rng(5), 50)
+    _q, seen = one_epoch(np.random.default_rng(5), 50)
     plain = cameras.combine(np.arange(50.0), seen, QSA, SIGMA, 9.0)
     flipped = seen.copy()
     flipped[1, 10:20] *= -1
@@ -82,7 +82,7 @@ def test_no_camera_leaves_a_gap_and_flips_do_not_matter():
 
 
 def test_compiled_combination_equals_plain_python():
-    q, seen = one_epoch(np.random.default_rng(6), 5)
+    _q, seen = one_epoch(np.random.default_rng(6), 5)
     seen[0, 2] = np.nan
     seen[:, 3] = np.nan
     run = getattr(cameras._combine, "py_func", cameras._combine)

@@ -35,7 +35,7 @@ def test_series_and_spectra():
         x, y = axes[i, 0].lines[0].get_data()
         np.testing.assert_allclose(x, t[:1001] / 3600)
         np.testing.assert_allclose(y, 1e6 * series["mekf"][:1001, i])
-        f, density = asd(series["mekf"], 1.0)
+        _f, density = asd(series["mekf"], 1.0)
         np.testing.assert_allclose(axes[i, 1].lines[0].get_data()[1], 1e6 * density[:, i])
         assert np.isfinite(axes[i, 1].lines[1].get_data()[1]).all()
     assert axes[2, 0].get_xlabel() == "time [h]" and axes[2, 1].get_xlabel() == "frequency [Hz]"

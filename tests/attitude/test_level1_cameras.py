@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from level1files import DATE, columns_of, edit
 
-from geokalman.attitude import timetags, write
 from geokalman.attitude import experiment as flights
 from geokalman.attitude import read as day
+from geokalman.attitude import timetags, write
 from geokalman.attitude.header import Level1Error, flag_meanings
 from geokalman.attitude.level1 import Level1Warning, Table
 from geokalman.attitude.model import EPOCH_2019, Scenario, Tuning

@@ -46,11 +46,9 @@ _FIELD = st.one_of(
     _TEXT,
 )
 OF_THE_WHOLE = re.compile(
-    (
-        r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no "
-        r"records after|cut short or damaged|unpack it|a web page|not a Level-1 "
-        r"file|compressed twice|no UTF-16|times count from"
-    )
+    r"no line '|the header|variables lack|num_records is|NUMBER OF DATA RECORDS is|records of the \d+ that|no "
+    r"records after|cut short or damaged|unpack it|a web page|not a Level-1 "
+    r"file|compressed twice|no UTF-16|times count from"
 )
 """Reasons that concern a file as a whole, not one of its lines."""
 _SLOW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

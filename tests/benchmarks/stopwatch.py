@@ -31,7 +31,8 @@ def told_machine() -> None:
     """Print what the times depend on."""
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "all")
     print(
-        f"load {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores, {threads} thread(s) of BLAS; smallest of several runs"
+        f"load {os.getloadavg()[0]:.2f} on {os.cpu_count()} cores, {threads} thread(s) of BLAS; smallest of several"
+        " runs"
     )
 
 

@@ -15,8 +15,8 @@ import toybook
 from filelock import FileLock
 from matplotlib.figure import Figure
 
-from execbook.project import root as project_root
 from execbook import execute, notebooks, parameters, reference, settings
+from execbook.project import root as project_root
 
 
 @pytest.fixture

@@ -12,21 +12,37 @@ import numba
 import numpy as np
 import pytest
 
-from geokalman.airborne import corrections, experiment, read
-from geokalman.airborne.read import checks, tables
-from geokalman.airborne.model import Tuning
-from execbook.project import root as project_root
-from geokalman.data import data_path
 from execbook import claims, reference
+from execbook.project import root as project_root
+from geokalman.airborne import corrections, experiment, read
+from geokalman.airborne.model import Tuning
+from geokalman.airborne.read import checks, tables
+from geokalman.data import data_path
 
 PAPER = "airborne-gravity"
 ROOT = project_root(Path(__file__).parent)
 QUICK = tuple(sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")))
 ANCHORED = tuple(name for name in QUICK if name not in ("11-throughput", "12-joint", "13-search"))
 DRAWINGS = ("a01-system", "a01-chain")
-HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
-    ","
-)
+HEADER = [
+    "LINE",
+    "FLIGHT",
+    "UTC",
+    "LON",
+    "LAT",
+    "EASTING",
+    "NORTHING",
+    "GPSZ",
+    "FZ",
+    "AZ",
+    "GRVRAW",
+    "LATCOR",
+    "EOTCOR",
+    "FACOR",
+    "FRA100",
+    "FRAL100",
+    "GND_FA",
+]
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands of epochs take hours in plain Python")
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numba
 import pytest
 
-from execbook.project import root as project_root
 from execbook import reference
+from execbook.project import root as project_root
 
 PAPER = "grace-fusion"
 ROOT = project_root(Path(__file__).parent)

@@ -11,11 +11,11 @@ from pathlib import Path
 import numba
 import pytest
 
+from execbook import claims, parameters, reference
+from execbook.project import root as project_root
 from geokalman.attitude import experiment, write
 from geokalman.attitude.header import Level1Error
 from geokalman.attitude.model import SATELLITES, Scenario
-from execbook.project import root as project_root
-from execbook import claims, parameters, reference
 
 PAPER = "gracefo-attitude"
 ROOT = project_root(Path(__file__).parent)

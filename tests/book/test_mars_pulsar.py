@@ -11,9 +11,9 @@ import numba
 import pytest
 from spkfiles import write_spk
 
-from execbook.project import root as project_root
 from execbook import claims, parameters, reference
 from execbook.errors import Misuse
+from execbook.project import root as project_root
 from geokalman.physics.ephemeris import OutsideEphemeris, load_ephemeris
 
 PAPER = "mars-pulsar"

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 import toybook
+
 from execbook import reference
 
 METRICS = {"wave.rms": {"value": 0.70711, "unit": "m"}}

@@ -12,8 +12,8 @@ from pathlib import Path
 import nbformat
 import numpy as np
 import pytest
-
 import toybook
+
 from execbook import blocks, contents, html, reference, stage
 from execbook.errors import Fault
 

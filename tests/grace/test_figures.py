@@ -250,7 +250,7 @@ SMOKE = {
     "literal_filter": lambda: figures.literal_filter(T, 6e-4 + 1e-3 * WAVE, np.full(T.size, 3e-4)),
     "dial": lambda: figures.dial(np.array([1e-5, 1e-4, 3e-4]), np.array([2e-9, 1.7e-7, 5.2e-7]), np.array([1.1e-8, 0.7e-8, 2.1e-8]), 3e-4, 5.26e-7),
     "integrator_effect": lambda: figures.integrator_effect(np.array([1e-6, 1e-9, 1e-12]), np.array([1e-4, 1.4e-6, 1.2e-6]), np.array([3e-6, -2.9e-8, 1e-10]), 1.19e-6, 1.8e-8),
-    "degree_variances": lambda: figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, {n: 1.1e-10 / DEGREE**3.0 for n in ("N1", "E1", "U2")}),
+    "degree_variances": lambda: figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, dict.fromkeys(("N1", "E1", "U2"), 1.1e-10 / DEGREE ** 3.0)),
     "degree_differences": lambda: figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
     "amplitudes": lambda: figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),
     "geoid_maps": lambda: figures.geoid_maps({"(a) Newton": grids()["(a) Newton"]}),

@@ -196,10 +196,16 @@ def test_default_step_divides_the_sampling_interval(integrator, dt, step):
         ({"e": -0.1}, r"e = -0.1 is not the eccentricity"),
         (
             {"e": 0.1},
-            r"a_km = 6834 with e = 0.1: the orbit meets the Earth, its perigee is 227.5 km below the reference radius 6378",
+            (
+                r"a_km = 6834 with e = 0.1: the orbit meets the Earth, its perigee is 227.5 km below the reference"
+                r" radius 6378"
+            ),
         ),
         ({"a": 6300e3}, r"a_km = 6300 with e = 0.0018: the orbit meets the Earth, its perigee is 89.5 km below"),
-        ({"a": 6480e3, "e": 0.0}, r"the orbit meets the atmosphere, its perigee is 101.9 km above .* give one at least 150 km above it"),
+        (
+            {"a": 6480e3, "e": 0.0},
+            r"the orbit meets the atmosphere, its perigee is 101.9 km above .* give one at least 150 km above it",
+        ),
         ({"a": -6834e3}, r"meets the Earth"),
         ({"tau": 0.0}, r"tau_s = 0 s does not separate the satellites"),
         ({"tau": -5.0}, r"tau_s = -5 s does not separate"),

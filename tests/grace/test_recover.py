@@ -79,9 +79,10 @@ def paper_row(flight, n_max: int, northern) -> tuple[np.ndarray, np.ndarray]:
             row[kind, n, m] += q * (
                 east * m * turned * P[n, m] / np.cos(phi) + north * wave * dP[n, m] - up * (n + 1) * wave * P[n, m]
             )
-    return np.array(list(row.values())), design_block(gravity.gm, gravity.radius, n_max, r_A[None], r_B[None], e[None])[
-        0
-    ]
+    return (
+        np.array(list(row.values())),
+        design_block(gravity.gm, gravity.radius, n_max, r_A[None], r_B[None], e[None])[0],
+    )
 
 
 def test_row_by_the_formulas_of_the_paper(tiny):
@@ -207,7 +208,10 @@ def test_a_lower_degree_can_be_recovered(day):
 def test_fewer_epochs_than_unknowns(day, exact):
     with pytest.raises(
         ValueError,
-        match=r"21 epochs \(of 289, without 134 at either end\) cannot determine the 32 coefficients of degrees 2 to 5; give at least 1\.04 days",
+        match=(
+            r"21 epochs \(of 289, without 134 at either end\) cannot determine the 32 coefficients of degrees 2 to 5;"
+            r" give at least 1\.04 days"
+        ),
     ):
         recover.recover(day.orbit, day.gravity, exact, edge=134, n_max=5)
 

@@ -1,8 +1,24 @@
 """Survey tables cut and written as CSV."""
 
-HEADER = "LINE,FLIGHT,UTC,LON,LAT,EASTING,NORTHING,GPSZ,FZ,AZ,GRVRAW,LATCOR,EOTCOR,FACOR,FRA100,FRAL100,GND_FA".split(
-    ","
-)
+HEADER = [
+    "LINE",
+    "FLIGHT",
+    "UTC",
+    "LON",
+    "LAT",
+    "EASTING",
+    "NORTHING",
+    "GPSZ",
+    "FZ",
+    "AZ",
+    "GRVRAW",
+    "LATCOR",
+    "EOTCOR",
+    "FACOR",
+    "FRA100",
+    "FRAL100",
+    "GND_FA",
+]
 
 
 def cut(table, rows):

@@ -100,7 +100,7 @@ def test_copies_are_equal_hash_alike_and_stay_read_only(twin):
 
 def test_fields_that_differ_anywhere_are_not_equal():
     one = field()
-    C, S = parts()
+    C, _S = parts()
     C[4, 4] = np.nextafter(C[4, 4], 9.0)
     assert field() == one
     for other in (field(name="else"), field(gm=4.1e14), field(C=C), field(tide_system="zero_tide"), "toy"):

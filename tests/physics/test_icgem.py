@@ -141,7 +141,7 @@ def test_unnormalised_beyond_float64_is_refused(tmp_path):
     ],
 )
 def test_one_sentence_for_each_way_to_be_wrong(tmp_path, changes, says):
-    path = gfc(tmp_path, **{k: v for k, v in changes.items()})
+    path = gfc(tmp_path, **dict(changes.items()))
     with pytest.raises(GfcError, match=says) as caught:
         read_gfc(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)

@@ -190,7 +190,7 @@ def test_half_the_step(pair):
 
 @compiled_only
 def test_time_reversal(pair):
-    params, y0, o = pair
+    params, _y0, o = pair
     for method in ("gj", "dop853"):
         back = integrate(gravity_force, params, o.y[-1], o.t[::-1], method)
         assert np.abs(back.r[-1] - o.r[0]).max() < 3e-6

@@ -8,7 +8,7 @@ import pytest
 
 from geokalman.kalman import monte_carlo
 from geokalman.physics import mars
-from geokalman.pulsar import assess, experiment, estimate, simulate
+from geokalman.pulsar import assess, estimate, experiment, simulate
 from geokalman.pulsar.experiment import Experiment, Method
 from geokalman.pulsar.model import CENTURIES, Mission, preset
 

@@ -180,7 +180,7 @@ def test_profiles_count_every_photon_twice():
     phase = RNG.random(1000)
     figure = labelled(figures.profiles({"one": phase, "two": phase - 7.0}))
     for axes in figure.axes:
-        [stairs] = [p for p in axes.patches]
+        [stairs] = list(axes.patches)
         assert stairs.get_data().values.sum() == 2000
     assert "cycles" in figure.axes[-1].get_xlabel()
 

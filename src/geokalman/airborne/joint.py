@@ -188,8 +188,8 @@ def joint_field(
     extent = [last - first for first, last in ends]
     if max(extent) > waves.box:
         raise ValueError(
-            f"box = {waves.box:g} m is smaller than the survey, {extent[0]:.0f} m from west to east and {extent[1]:.0f} m "
-            "from south to north."
+            f"box = {waves.box:g} m is smaller than the survey, {extent[0]:.0f} m from west to east and {extent[1]:.0f}"
+            " m from south to north."
         )
     origin = tuple(0.5 * (first + last) - waves.box / 2 for first, last in ends)
     rows = sum(len(_knots(flight.line.t, knots_s)) for flight in flights)

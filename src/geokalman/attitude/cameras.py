@@ -10,7 +10,13 @@ from numba import njit
 
 from geokalman.attitude.model import Array, Telemetry, Tuning, camera_information
 from geokalman.physics.quaternion import (
-    continuous, difference, difference_point, exp, multiply, retract_point, spline,
+    continuous,
+    difference,
+    difference_point,
+    exp,
+    multiply,
+    retract_point,
+    spline,
 )  # fmt: skip
 
 LONGEST_GAP = 5.0  # s: a quaternion is not interpolated over more

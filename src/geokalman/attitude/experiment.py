@@ -15,7 +15,7 @@ from scipy.signal import detrend
 
 from geokalman import progress
 from geokalman.attitude import assess, cameras, effect, estimate, pointing, read
-from geokalman.attitude.estimate import FILTERS, Observations, Estimate, Processed
+from geokalman.attitude.estimate import FILTERS, Estimate, Observations, Processed
 from geokalman.attitude.model import AXES, GYRO_HZ, SATELLITES, Array, Scenario, Tuning
 from geokalman.attitude.simulate import simulate
 from geokalman.attitude.truth import Recording
@@ -65,8 +65,8 @@ def per_satellite(
 
 
 def solve(
-    recording: Recording, satellite: str, tuning: Tuning, filters: Iterable[str] = FILTERS, use: Sequence[int] = (1, 2, 3),
-    calibrate: bool = False,
+    recording: Recording, satellite: str, tuning: Tuning, filters: Iterable[str] = FILTERS,
+    use: Sequence[int] = (1, 2, 3), calibrate: bool = False,
 ) -> Processed:  # fmt: skip
     """The whole chain for one satellite, see `estimate.solve`."""
     edge = recording.edge.get(satellite, ())

@@ -39,8 +39,8 @@ LIMITS: dict[str, tuple[float, float]] = {
     **{name: (0, most - 1) for name, most in SECOND_FRACTIONS.items()},
     "FiltAng": (-5759.0, 5759.0),  # deg: gyro angles wrap at 5758; beyond is no angle
     "gyro_id": (1, 4),
-    **{name: (-1e8, 1e8) for name in ("xpos", "ypos", "zpos")},
-    **{name: (-12e3, 12e3) for name in ("xvel", "yvel", "zvel")},
+    **dict.fromkeys(("xpos", "ypos", "zpos"), (-100000000.0, 100000000.0)),
+    **dict.fromkeys(("xvel", "yvel", "zvel"), (-12000.0, 12000.0)),
     **{f"lin_accl_{axis}": (-0.1, 0.1) for axis in "xyz"},
 }
 """What values of a column lie between: beyond, a record is bad."""

@@ -10,7 +10,17 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from geokalman.attitude.model import (
-    CAMERA_HZ, EPOCH_2019, GYRO_HZ, SATELLITES, SUN, WRAP_DEG, Array, Telemetry, Scenario, arw_density, gyro_matrix,
+    CAMERA_HZ,
+    EPOCH_2019,
+    GYRO_HZ,
+    SATELLITES,
+    SUN,
+    WRAP_DEG,
+    Array,
+    Scenario,
+    Telemetry,
+    arw_density,
+    gyro_matrix,
     mounting,
 )  # fmt: skip
 from geokalman.attitude.truth import REVOLUTION, Recording, Truth, fly, increments

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from geokalman.attitude.model import GYRO_HZ, Array, Telemetry, Scenario, gyro_matrix, los_frame
+from geokalman.attitude.model import GYRO_HZ, Array, Scenario, Telemetry, gyro_matrix, los_frame
 from geokalman.constants import GM_EARTH, R_EARTH
 from geokalman.physics.quaternion import continuous, difference, exp, from_matrix, multiply
 

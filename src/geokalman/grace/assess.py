@@ -42,8 +42,8 @@ def statistics(residual: Array, edge: int = 100) -> Statistics:
         finite = np.flatnonzero(np.isfinite(residual))
         needed = max(finite[0], len(residual) - 1 - finite[-1]) if finite.size else len(residual)
         raise ValueError(
-            f"the residual is not finite at epoch {edge + int((~np.isfinite(kept)).argmax())}; edge = {edge} must cover the "
-            f"stencil, here {needed} epochs at either end."
+            f"the residual is not finite at epoch {edge + int((~np.isfinite(kept)).argmax())}; edge = {edge} must cover"
+            f" the stencil, here {needed} epochs at either end."
         )
     return Statistics(float(kept.mean()), float(kept.min()), float(kept.max()), float(kept.std()))
 

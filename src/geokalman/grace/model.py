@@ -88,8 +88,9 @@ class Scenario:
         if perigee < LOWEST_PERIGEE:
             where = f"{abs(perigee) / 1e3:.1f} km {'below' if perigee < 0 else 'above'} the reference radius"
             raise ValueError(
-                f"a_km = {self.a / 1e3:g} with e = {self.e:g}: the orbit meets the "
-                f"{'Earth' if perigee < 0 else 'atmosphere'}, its perigee is {where} {radius / 1e3:.1f} km; give one at least {LOWEST_PERIGEE / 1e3:g} km above it."
+                f"a_km = {self.a / 1e3:g} with e = {self.e:g}: the orbit meets the"
+                f" {'Earth' if perigee < 0 else 'atmosphere'}, its perigee is {where} {radius / 1e3:.1f} km; give one"
+                f" at least {LOWEST_PERIGEE / 1e3:g} km above it."
             )
         if self.tau <= 0:
             raise ValueError(f"tau_s = {self.tau:g} s does not separate the satellites; give a positive time.")
@@ -101,7 +102,8 @@ class Scenario:
             steps = self.dt / self.h if self.h > 0 else 0.0
             if abs(steps - round(steps)) > 1e-9 or round(steps) < 1:
                 raise ValueError(
-                    f"h_int = {self.h:g} s does not divide dt = {self.dt:g} s; give a step that goes into dt a whole number of times."
+                    f"h_int = {self.h:g} s does not divide dt = {self.dt:g} s; give a step that goes into dt a whole"
+                    " number of times."
                 )
 
     @classmethod
@@ -191,7 +193,8 @@ class Tuning:
             raise ValueError(f"beta = {self.beta:g} is not finite; the paper has 0, and 2 suits Gaussians.")
         if not 0 < 9 + self.kappa < math.inf:
             raise ValueError(
-                f"kappa = {self.kappa:g} does not make n + kappa positive and finite for the n = 9 states; give kappa > -9."
+                f"kappa = {self.kappa:g} does not make n + kappa positive and finite for the n = 9 states; give kappa"
+                " > -9."
             )
 
     @classmethod
@@ -243,8 +246,8 @@ class Observations:
         n = len(self.baseline)
         if self.baseline.shape != (n, 3) or self.rate.shape != (n,):
             raise ValueError(
-                f"relative positions of shape {self.baseline.shape} and range-rates of shape {self.rate.shape} do not belong "
-                "together; give (n, 3) and (n,)."
+                f"relative positions of shape {self.baseline.shape} and range-rates of shape {self.rate.shape} do not"
+                " belong together; give (n, 3) and (n,)."
             )
         for name, series in (("relative position", self.baseline), ("range-rate", self.rate)):
             bad = np.isinf(series.reshape(n, -1)).any(axis=1)

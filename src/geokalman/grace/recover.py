@@ -130,15 +130,17 @@ def recover(
     for name, series in observables.items():
         if np.shape(series) != (count,):
             raise ValueError(
-                f"observable {name} has the shape {np.shape(series)}, the orbit has {count} epochs; give one value for each."
+                f"observable {name} has the shape {np.shape(series)}, the orbit has {count} epochs; give one value for"
+                " each."
             )
     if edge < 0:
         raise ValueError(f"edge = {edge} is not a number of epochs; give 0 or more.")
     rows, unknowns = count - 2 * edge, column_count(n_max)
     if rows < unknowns:
         raise ValueError(
-            f"{max(rows, 0)} epochs (of {count}, without {edge} at either end) cannot determine the {unknowns} coefficients of degrees "
-            f"2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / DAY:.2f} days, or a lower n_max."
+            f"{max(rows, 0)} epochs (of {count}, without {edge} at either end) cannot determine the {unknowns}"
+            f" coefficients of degrees 2 to {n_max}; give at least {(unknowns + 2 * edge - 1) * orbit.dt / DAY:.2f}"
+            " days, or a lower n_max."
         )
     los = np.column_stack([observables[name] for name in ids])[edge : count - edge]
     if not np.isfinite(los).all():

@@ -87,8 +87,9 @@ class Ephemeris:
         if left.any():
             spans = ", ".join(f"{J2000 + s.begin / DAY:.1f} to {J2000 + s.end / DAY:.1f}" for s in own)
             raise OutsideEphemeris(
-                f"JD {J2000 + time[left.argmax()] / DAY:.3f} TDB is outside {self.name}, which covers JD {spans} for "
-                f"{_name(number)}; give a date inside, or the path of a longer SPK file (DE421 itself covers 1899-07-29 to 2053-10-09)."
+                f"JD {J2000 + time[left.argmax()] / DAY:.3f} TDB is outside {self.name}, which covers JD {spans} for"
+                f" {_name(number)}; give a date inside, or the path of a longer SPK file (DE421 itself covers"
+                " 1899-07-29 to 2053-10-09)."
             )
         return total, root
 

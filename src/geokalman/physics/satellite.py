@@ -100,7 +100,8 @@ class Dynamics:
         for t in times:
             if not self.first <= t <= self.last:
                 raise ValueError(
-                    f"t = {t:.10g} s is outside the tables of MJD {self.day}, which span {self.first:.10g} to {self.last:.10g} s"
+                    f"t = {t:.10g} s is outside the tables of MJD {self.day}, which span {self.first:.10g} to"
+                    f" {self.last:.10g} s"
                 )
 
     def propagate(self, state: Array, t: Array, step: float = INTEGRATION_STEP) -> Orbits:

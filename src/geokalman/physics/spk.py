@@ -23,7 +23,7 @@ _SHAPE = (2, 6)  # doubles and integers of a summary
 _SUMMARY = struct.calcsize("2d6i")
 _SEAM = 1e-4  # of the distance, to which the ends of neighbouring records agree
 _UNHARMED = b"FTPSTR:\r:\n:\r\n:\r\x00:\x81:\x10\xce:ENDFTP"  # a transfer as text changes it
-_PLANETS = {target: (3e10, 1e13) for target in range(1, 10)}
+_PLANETS = dict.fromkeys(range(1, 10), (30000000000.0, 10000000000000.0))
 _DISTANCES = {0: _PLANETS, 10: _PLANETS, 3: {301: (3e8, 4.5e8)}, 399: {301: (3e8, 4.5e8)}}  # centre, target -> m
 
 

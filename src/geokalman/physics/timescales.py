@@ -40,7 +40,8 @@ def tai_minus_utc(mjd: int) -> int:
     """
     if not _LEAP[0][0] <= mjd <= _KNOWN_UNTIL:
         raise ValueError(
-            f"MJD {mjd} is outside {_LEAP[0][0]} to {_KNOWN_UNTIL} (1972-01-01 to 2027-06-28), where leap seconds are known"
+            f"MJD {mjd} is outside {_LEAP[0][0]} to {_KNOWN_UNTIL} (1972-01-01 to 2027-06-28), where leap seconds are"
+            " known"
         )
     return next(seconds for first, seconds in reversed(_LEAP) if mjd >= first)
 

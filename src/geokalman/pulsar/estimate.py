@@ -18,7 +18,8 @@ from geokalman.kalman.dense import copy_state
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory
 from geokalman.kalman.model import PROPAGATE, Model, Sensor
 from geokalman.kalman.robust import thresholds
-from geokalman.kalman.run import Kind, run as run_filter
+from geokalman.kalman.run import Kind
+from geokalman.kalman.run import run as run_filter
 from geokalman.physics.transition import chain_step, check_step, markley_step
 from geokalman.pulsar.dynamics import GM, RADIUS, Force, gradient_point, runge_kutta_step, unpack
 from geokalman.pulsar.model import STEP, Array, Belief

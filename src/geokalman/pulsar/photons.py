@@ -49,7 +49,8 @@ def barycentred(
 
     direction : unit vector n to the pulsar (3,); orbit : None leaves the satellite's part out, earth = False the
     Earth's; scale : of the satellite's orbit; ephemeris : None is the vendored DE421. The difference between TT and
-    TDB, below 2 ms and constant over an hour, is left out. Returns (n,) [s]. Raises ValueError for events that are at the barycentre already.
+    TDB, below 2 ms and constant over an hour, is left out. Returns (n,) [s].
+    Raises ValueError for events that are at the barycentre already.
     """
     if not events.local:
         already = f"the events of {events.name} refer to the barycentre already (TIMEREF SOLARSYSTEM)"

@@ -19,7 +19,11 @@ from geokalman.kalman.model import OBSERVE, PROPAGATE, Model, Sensor
 from geokalman.kalman.run import Kind, run
 from geokalman.leastsquares import NormalEquations
 from geokalman.physics.satellite import (
-    Dynamics, euler_transition_step, propagate_step, satellite_force, transition_step,
+    Dynamics,
+    euler_transition_step,
+    propagate_step,
+    satellite_force,
+    transition_step,
 )  # fmt: skip
 from geokalman.physics.timescales import iso_utc
 from geokalman.radioastron.data import INFLATED, LONGEST_GAP, Observations, Tuning

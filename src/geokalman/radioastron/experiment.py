@@ -18,7 +18,7 @@ from geokalman.physics.satellite import Dynamics
 from geokalman.radioastron import assess, estimate, formal
 from geokalman.radioastron.assess import Runs
 from geokalman.radioastron.correlator import Setup, scan_snr
-from geokalman.radioastron.data import INFLATED, NAIVE, Scenario, Observations, Tuning
+from geokalman.radioastron.data import INFLATED, NAIVE, Observations, Scenario, Tuning
 from geokalman.radioastron.model import Array, Session, find_stations, toward, world
 from geokalman.radioastron.simulate import Truth, draw
 

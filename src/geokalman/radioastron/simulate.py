@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.physics.satellite import Dynamics, satellite_force
-from geokalman.radioastron.data import Scenario, Observations
+from geokalman.radioastron.data import Observations, Scenario
 from geokalman.radioastron.model import STATIONS, Array, Session, nominal_state
 from geokalman.radioastron.twoway import observe_step
 from geokalman.radioastron.visibility import check_passes

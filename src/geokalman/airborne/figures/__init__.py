@@ -24,8 +24,8 @@ from geokalman.airborne.figures.maps import along_lines, grids, tracks
 
 __all__ = [
     "BLOCKS",
-    "Panel",
     "STEPS",
+    "Panel",
     "along_lines",
     "chain",
     "consistency",

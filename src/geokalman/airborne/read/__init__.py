@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.read import checks, quality
 from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import EASTVIC, KAURING, KAURING_DAT, LAYOUTS, Layout  # noqa: F401 - their usual address
-from geokalman.airborne.model import METRE, SHORTEST, Array, Line, double_integral, step_integrals
 from geokalman.airborne.read.tables import read_table
 from geokalman.data import data_path
 from geokalman.reading import InputError, counted

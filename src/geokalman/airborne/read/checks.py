@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import median_filter
 
+from geokalman.airborne.model import Array
 from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import IN_MGAL, Layout
-from geokalman.airborne.model import Array
 from geokalman.constants import A_EARTH
 from geokalman.reading import InputError, counted
 

@@ -16,8 +16,36 @@ from geokalman.reading import InputError, Place, lines, number
 WHAT = "survey file"
 LABELS = "a line is labelled by its number, with letters before it at most"
 NULLS = frozenset(
-    "* ? - -- . na n/a #n/a nan -nan none null nil nodata dummy empty missing inf +inf -inf infinity -infinity "
-    "1.#inf -1.#inf 1.#qnan -1.#ind #value! #div/0!".split()
+    [
+        "*",
+        "?",
+        "-",
+        "--",
+        ".",
+        "na",
+        "n/a",
+        "#n/a",
+        "nan",
+        "-nan",
+        "none",
+        "null",
+        "nil",
+        "nodata",
+        "dummy",
+        "empty",
+        "missing",
+        "inf",
+        "+inf",
+        "-inf",
+        "infinity",
+        "-infinity",
+        "1.#inf",
+        "-1.#inf",
+        "1.#qnan",
+        "-1.#ind",
+        "#value!",
+        "#div/0!",
+    ]
 ) | {""}
 """Words, in lower case, that mark a missing value in any column; so does a field of asterisks alone."""
 DUMMIES = (-999999.99, -9999999.9)

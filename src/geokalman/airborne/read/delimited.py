@@ -12,7 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from geokalman.airborne.read.columns import (
-    LABELS, Table, blanked, column_name, full_rows, is_number, is_ruler, is_value, line_number,
+    LABELS,
+    Table,
+    blanked,
+    column_name,
+    full_rows,
+    is_number,
+    is_ruler,
+    is_value,
+    line_number,
 )  # fmt: skip
 from geokalman.airborne.read.layout import is_unit
 from geokalman.reading import Place, counted

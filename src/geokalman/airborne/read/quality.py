@@ -6,10 +6,10 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from geokalman.airborne import corrections
+from geokalman.airborne.model import METRE, Array
 from geokalman.airborne.read.checks import ROWS, at
 from geokalman.airborne.read.columns import Table
 from geokalman.airborne.read.layout import Layout
-from geokalman.airborne.model import METRE, Array
 from geokalman.reading import InputError
 
 ALLOWED = {"latitude": 1.0, "eotvos": 10.0, "free_air": 0.62}
@@ -43,7 +43,7 @@ def height_correlation(f3: Array, height: Array) -> float:
 
 
 def height_noise(f3: Array, height: Array, dt: float) -> tuple[float, float]:
-    """Standard deviation [m] that white noise of the height would need for its misfit to f3', at short and long periods.
+    """White noise of the height [m] that its misfit to f3' would need, at short and long periods.
 
     The spectrum of d2h/dt2 - f3' over that of the second difference, (2 sin(w/2))^4 / dt^4, is the square: flat where
     the height is noisy, but falling as w^-4 where f3' is (aliased vibration, say), which the filter integrates twice.

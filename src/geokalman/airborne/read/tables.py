@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from geokalman import reading
+from geokalman.airborne.model import Array
 from geokalman.airborne.read.columns import WHAT, Table
 from geokalman.airborne.read.delimited import is_data, read_delimited
 from geokalman.airborne.read.gdf import read_fixed_width
-from geokalman.airborne.model import Array
 from geokalman.reading import Place
 
 _PACKED = '{"packed": 1'

@@ -3,6 +3,15 @@
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
 
+from geokalman.grace.figures.field import (
+    LOOK,
+    amplitudes,
+    degree_differences,
+    degree_variances,
+    geoid_against_radius,
+    geoid_maps,
+    ground_track,
+)
 from geokalman.grace.figures.series import (
     dial,
     error_against_step,
@@ -14,15 +23,6 @@ from geokalman.grace.figures.series import (
     residuals,
     transfer_functions,
     weight_curve,
-)
-from geokalman.grace.figures.field import (
-    LOOK,
-    amplitudes,
-    degree_differences,
-    degree_variances,
-    geoid_against_radius,
-    geoid_maps,
-    ground_track,
 )
 
 __all__ = [

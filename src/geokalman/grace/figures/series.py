@@ -109,7 +109,7 @@ def error_against_step(dts: Array, curves: Mapping[str, tuple[str, Array]]) -> F
     figure, axes = plt.subplots(1, len(groups), figsize=(7.2, 3.4), squeeze=False)
     styles = [METHODS[name] for name in ("newton", "ekf", "ukf", "spline")]
     for axis, unit in zip(axes[0], groups, strict=True):
-        for k, (label, (_, values)) in enumerate((item for item in curves.items() if item[1][0] == unit)):
+        for k, (label, (_, values)) in enumerate(item for item in curves.items() if item[1][0] == unit):
             axis.loglog(
                 dts, values, color=styles[k].colour, linestyle=styles[k].line, marker=styles[k].marker, label=label
             )

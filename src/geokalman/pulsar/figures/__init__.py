@@ -1,10 +1,25 @@
 """Figures of the orbiter: plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in force."""
 
 from geokalman.pulsar.figures.flight import (
-    LABELS, against_paper, axis_errors, consistency, curves, noise_curve, orbit_view, ranges, seed_strip, smoothing,
+    LABELS,
+    against_paper,
+    axis_errors,
+    consistency,
+    curves,
+    noise_curve,
+    orbit_view,
+    ranges,
+    seed_strip,
+    smoothing,
 )  # fmt: skip
 from geokalman.pulsar.figures.signal import (
-    accuracy, arrival_residuals, orbit_scale, profiles, sky_map, timing_terms, transition_errors,
+    accuracy,
+    arrival_residuals,
+    orbit_scale,
+    profiles,
+    sky_map,
+    timing_terms,
+    transition_errors,
 )  # fmt: skip
 
 __all__ = [

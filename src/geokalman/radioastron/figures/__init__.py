@@ -4,7 +4,16 @@ Every function takes plain arrays and returns a matplotlib Figure, drawn in the 
 """
 
 from geokalman.radioastron.figures.errors import (
-    bars, corrections, covariance_history, divergence, ellipses, histogram, innovations, scans, sizes, sweep,
+    bars,
+    corrections,
+    covariance_history,
+    divergence,
+    ellipses,
+    histogram,
+    innovations,
+    scans,
+    sizes,
+    sweep,
 )  # fmt: skip
 from geokalman.radioastron.figures.fringes import losses, planes, ratio_histogram, scan_snr
 from geokalman.radioastron.figures.orbit import elevation, ground_track, orbit_view
