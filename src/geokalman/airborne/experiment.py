@@ -245,7 +245,7 @@ def levelling(
     for k in range(ties):
         name, north = f"tie{k + 1}", half * (2 * (k + 1) / (ties + 1) - 1)
         places, truths = [], []
-        for truth, _ in sorted(flown, key=lambda one: one[0].east.mean()):
+        for truth, _ in sorted(flown, key=lambda line: line[0].east.mean()):
             order = np.argsort(truth.north)
             places.append(np.interp(north, truth.north[order], truth.east[order]))
             truths.append(np.interp(north, truth.north[order], truth.gravity[order]))

@@ -284,12 +284,13 @@ def _nearest(grid: Array, t: Array) -> np.ndarray:
     return right - (t - grid[right - 1] < grid[right] - t)
 
 
-def _reach(one: Telemetry) -> tuple[float, float]:
+def _reach(telemetry: Telemetry) -> tuple[float, float]:
     """First and last time [s] at which all sensors have data, a second for interpolation left at either end."""
-    t = one.t_gyro[[axis - 1 for axis in gyro.present(one)]]
-    return max(one.t_camera[0], np.nanmin(t, axis=1).max() + 1), min(one.t_camera[-1], np.nanmax(t, axis=1).min() - 1)
+    t = telemetry.t_gyro[[axis - 1 for axis in gyro.present(telemetry)]]
+    cameras = telemetry.t_camera
+    return max(cameras[0], np.nanmin(t, axis=1).max() + 1), min(cameras[-1], np.nanmax(t, axis=1).min() - 1)
 
 
-def _trim(one: Telemetry, first: float, last: float) -> Telemetry:
-    keep = (one.t_camera > first - 0.75) & (one.t_camera < last + 0.75)
-    return replace(one, t_camera=one.t_camera[keep], q_camera=one.q_camera[:, keep])
+def _trim(telemetry: Telemetry, first: float, last: float) -> Telemetry:
+    keep = (telemetry.t_camera > first - 0.75) & (telemetry.t_camera < last + 0.75)
+    return replace(telemetry, t_camera=telemetry.t_camera[keep], q_camera=telemetry.q_camera[:, keep])

@@ -53,10 +53,10 @@ def range_rate_residual(rate: Array, orbit: Truth) -> Array:
     return rate - range_rate(orbit.dr, orbit.dv)
 
 
-def pair_difference(one: Truth, other: Truth) -> tuple[float, float]:
+def pair_difference(first: Truth, second: Truth) -> tuple[float, float]:
     """Largest difference of range-rate [m/s] and of relative position [m] between two integrations of one pair."""
-    rates = range_rate(one.dr, one.dv) - range_rate(other.dr, other.dv)
-    return float(np.abs(rates).max()), float(distance(one.dr - other.dr).max())
+    rates = range_rate(first.dr, first.dv) - range_rate(second.dr, second.dv)
+    return float(np.abs(rates).max()), float(distance(first.dr - second.dr).max())
 
 
 def drift_per_revolution(orbit: Truth, revolution: float) -> float:

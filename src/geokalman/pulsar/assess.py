@@ -110,12 +110,12 @@ def false_alarm(k0: float, dof: int) -> float:
     return float(gammaincc(0.5 * dof, 0.5 * dof * k0**2))
 
 
-def paired(one: Sequence[Score], other: Sequence[Score]) -> tuple[float, float]:
-    """Average the difference one - other of the 3-D RMS [m]; the mean and its standard error.
+def paired(first: Sequence[Score], second: Sequence[Score]) -> tuple[float, float]:
+    """Average the difference first - second of the 3-D RMS [m]; the mean and its standard error.
 
     The runs of one seed share their observations: the right statistic for filters whose results are close.
     """
-    difference = np.array([a.d3 - b.d3 for a, b in zip(one, other, strict=True)])
+    difference = np.array([a.d3 - b.d3 for a, b in zip(first, second, strict=True)])
     error = difference.std(ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
     return float(difference.mean()), float(error)
 

@@ -153,10 +153,10 @@ def _units(par: Par) -> tuple[str, str]:
     return key, par.get(key, "TDB").upper()
 
 
-def _same(one: str, other: str) -> bool:
+def _same(first: str, second: str) -> bool:
     """Tell whether two values are the same text or the same number."""
     try:
-        return one == other or reading.number(one) == reading.number(other)
+        return first == second or reading.number(first) == reading.number(second)
     except ValueError:
         return False
 

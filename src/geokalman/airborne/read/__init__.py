@@ -153,7 +153,7 @@ def read_survey(path: Path | str, layout: Layout | str | None = None, shortest: 
     """
     table = read_table(path)
     if layout is None:
-        nearest = min(LAYOUTS.values(), key=lambda one: len(one.missing(table)))
+        nearest = min(LAYOUTS.values(), key=lambda known: len(known.missing(table)))
         if lacking := nearest.missing(table):
             raise table.error(
                 f"its columns are {_some(list(table), most=40)}; no known layout fits "

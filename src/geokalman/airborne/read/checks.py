@@ -312,7 +312,7 @@ def middles(channels: Table, blocks: Sequence[Array], names: Sequence[str]) -> N
             if _place_misfit(other["lat"], other["lon"], c) < allowed:
                 found.append((what, c[key], np.flatnonzero(other[key] != c[key])))
     if found:
-        what, values, lines = min(found, key=lambda one: len(one[2]))
+        what, values, lines = min(found, key=lambda finding: len(finding[2]))
         wrong = ", ".join(names[whole[k]] for k in lines)
         raise InputError(
             f"Line {wrong}: {what} {values[lines[0]]:.4f} is that of the other lines with the other sign; correct it."

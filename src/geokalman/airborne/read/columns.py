@@ -92,7 +92,7 @@ class Table(dict[str, Array]):
             words = self.texts[name]
             if not words:
                 raise self.error(f"two columns have the name {name} and differ; keep one of them.")
-            row = int(np.argmax([_value(word) is None for word in words]))
+            row = int(np.argmax([_value(text) is None for text in words]))
             raise self.error(f"{name} is {words[row][:40]!r}, which is no number{_cure(words[row])}.", row)
         return self[name]
 
@@ -101,8 +101,8 @@ class Table(dict[str, Array]):
         words = self.texts.get(name)
         if not words:
             return self.channel(name)
-        known = {word: line_number(word) for word in set(words)}
-        values = np.array([known[word] for word in words])
+        known = {text: line_number(text) for text in set(words)}
+        values = np.array([known[text] for text in words])
         if np.isnan(values).any():
             row = int(np.argmax(np.isnan(values)))
             raise self.error(f"{name} is {words[row][:40]!r}; {LABELS}.", row)
@@ -111,7 +111,7 @@ class Table(dict[str, Array]):
     def add(self, name: str, words: Sequence[str], comma: bool = False) -> None:
         """Add a column by its words; `comma`: the decimal mark may be a comma."""
         values, good = as_numbers(words, comma)
-        self.put(name, values, [] if good else [word.strip() for word in words])
+        self.put(name, values, [] if good else [text.strip() for text in words])
 
     def put(self, name: str, values: Array, words: Sequence[str] = ()) -> None:
         """Add a column of numbers, or of words that are none; a name that comes again with others is marked."""
@@ -142,8 +142,8 @@ def as_numbers(words: Sequence[str], comma: bool = False) -> tuple[Array, bool]:
         return blanked(np.fromiter(map(float, words), float, len(words))), True
     except ValueError:
         values = np.empty(len(words))
-    for k, word in enumerate(words):
-        value = _value(word.replace(",", ".") if comma else word)
+    for k, text in enumerate(words):
+        value = _value(text.replace(",", ".") if comma else text)
         if value is None:
             return np.full(len(words), np.nan), False
         values[k] = value
@@ -157,15 +157,15 @@ def blanked(values: Array) -> Array:
     return values
 
 
-def is_number(word: str) -> bool:
+def is_number(text: str) -> bool:
     """Whether a word is a number and no null."""
-    value = _value(word)
+    value = _value(text)
     return value is not None and not math.isnan(value)
 
 
-def is_value(word: str) -> bool:
+def is_value(text: str) -> bool:
     """Whether a word is a number or a null, so that it may be in a column of numbers."""
-    return _value(word) is not None
+    return _value(text) is not None
 
 
 def line_number(label: str) -> float:
@@ -174,21 +174,21 @@ def line_number(label: str) -> float:
     return float(found[1]) if found else np.nan
 
 
-def column_name(word: str) -> tuple[str, str]:
+def column_name(text: str) -> tuple[str, str]:
     """Name and unit of a column as a header writes them: 'Height (ft)' is HEIGHT in ft, MGA-X is MGA_X."""
-    word = word.strip().strip("\"'/").strip()
-    split = _UNIT.fullmatch(word)
-    name, unit = (split[1], split[2]) if split and split[1] else (word, "")
+    text = text.strip().strip("\"'/").strip()
+    split = _UNIT.fullmatch(text)
+    name, unit = (split[1], split[2]) if split and split[1] else (text, "")
     return re.sub(r"[\s-]+", "_", name.strip().upper()), unit.strip()
 
 
 def is_ruler(words: Sequence[str]) -> bool:
     """Whether words only rule off a header: === ----- ===."""
-    return all(_RULER.fullmatch(word.strip()) for word in words)
+    return all(_RULER.fullmatch(text.strip()) for text in words)
 
 
-def _value(word: str) -> float | None:
-    plain = word.strip()
+def _value(text: str) -> float | None:
+    plain = text.strip()
     if plain.lower() in NULLS or not plain.strip("*"):
         return np.nan
     try:
@@ -197,9 +197,9 @@ def _value(word: str) -> float | None:
         return None
 
 
-def _cure(word: str) -> str:
-    if re.fullmatch(r"\d+:\d+(:\d+(\.\d*)?)?|\d{4}-\d\d-\d\d.*", word):
+def _cure(text: str) -> str:
+    if re.fullmatch(r"\d+:\d+(:\d+(\.\d*)?)?|\d{4}-\d\d-\d\d.*", text):
         return "; write times as seconds"
-    if re.fullmatch(r"[+-]?\d+,\d+", word):
+    if re.fullmatch(r"[+-]?\d+,\d+", text):
         return "; the decimal mark is a point where commas separate the columns"
     return ""

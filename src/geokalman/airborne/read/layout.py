@@ -125,9 +125,9 @@ class Layout:
         return out, odd, unknown
 
 
-def is_unit(word: str) -> bool:
+def is_unit(text: str) -> bool:
     """Whether a word is a known unit of acceleration, length, time or angle."""
-    return bool(_known(word))
+    return bool(_known(text))
 
 
 def _known(unit: str) -> dict[str, float]:

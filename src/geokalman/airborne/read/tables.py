@@ -100,7 +100,7 @@ def _beside(path: Path) -> Path | None:
         return None
     wanted = {f"{bare.stem}.dfn{end}".lower() for end in ("", *_COMPRESSED)}
     found = [one for one in path.parent.iterdir() if one.name.lower() in wanted]
-    return min(found, key=lambda one: (not one.name.startswith(bare.stem), one.name), default=None)
+    return min(found, key=lambda path: (not path.name.startswith(bare.stem), path.name), default=None)
 
 
 def _bare(path: Path) -> Path:
