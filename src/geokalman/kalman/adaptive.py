@@ -21,8 +21,8 @@ import numpy as np
 from numba import njit, types
 
 from geokalman.kalman.checks import scalar, whole
-from geokalman.kalman.dense import cholesky_upper, copy, identity, solve_lower, symmetrise
-from geokalman.kalman.linear import whiten
+from geokalman.kalman.dense import add_product, cholesky_upper, identity, solve_lower, transposed
+from geokalman.kalman.linear import innovation_covariance, whiten
 from geokalman.kalman.model import matrix, vector
 from geokalman.kalman.robust import FLOOR, equivalent_weights_step, huber, igg3, innovation_weights_step, thresholds
 
@@ -51,8 +51,7 @@ def innovation_step(P, residual, H, R, S, whitened):
     P : (n, n); residual : (m,); H : (m, n); R : (m, m); outputs S : (m, m), whitened : (m,).
     Returns 0, or k >= 1 when S is not positive definite in row k - 1.
     """
-    copy(H @ P @ H.T + R, S)
-    symmetrise(S)
+    innovation_covariance(P, H, R, S)
     U = np.empty(S.shape)
     status = cholesky_upper(S, U)
     if status == 0:
@@ -124,9 +123,9 @@ def state_discrepancy(d, P, U):
     >>> state_discrepancy(np.array([4.0]), np.array([[3.0]]), np.eye(1))
     2.0
     """
-    root, white = identity(d.size), np.empty(d.size)
+    C, root, white = P.copy(), identity(d.size), np.empty(d.size)
     solve_lower(U, root)
-    C = P + root.T @ root
+    add_product(C, 1.0, transposed(root), root)
     if cholesky_upper(C, C) != 0:
         return np.nan
     whiten(C, d, white)
@@ -231,8 +230,9 @@ def adapt_step(by, P, residual, H, R, k0, k1, floor, states, whitened, weights):
         if np.isnan(s):
             return 1, 1.0
         alpha = three_part(s, k0, k1, floor)
-    if alpha != 1.0:
-        copy(P / alpha, P)
+    for i in range(P.shape[0]):
+        for j in range(P.shape[0]):
+            P[i, j] /= alpha
     for a in range(m):
         for b in range(m):
             if R[a, b] != 0.0:

@@ -81,6 +81,26 @@ def scalar_update_step(x, P, residual, H, r):
 
 
 @njit(cache=True)
+def innovation_covariance(P, H, R, S):
+    """Write the covariance S = H P H' + R of an innovation, exactly symmetric; returns H P.
+
+    P : (n, n); H : (m, n); R, S : (m, m).
+
+    >>> S = np.empty((1, 1))
+    >>> innovation_covariance(np.diag(np.array([4.0, 9.0])), np.ones((1, 2)), np.eye(1), S).tolist(), S.item()
+    ([[4.0, 9.0]], 14.0)
+    """
+    G = np.zeros(H.shape)
+    add_product(G, 1.0, H, P)
+    for a in range(R.shape[0]):
+        for b in range(R.shape[0]):
+            S[a, b] = 0.5 * (R[a, b] + R[b, a])
+    add_product(S, 1.0, H, transposed(G))
+    mirror(S)
+    return G
+
+
+@njit(cache=True)
 def update_step(x, P, residual, H, R, S, whitened):
     """Condition N(x, P) on m observations at once, in place (Joseph form).
 
@@ -90,14 +110,7 @@ def update_step(x, P, residual, H, R, S, whitened):
     whitened : (m,).
     Returns 0, or k >= 1 when S is not positive definite in row k - 1 (x and P are then unchanged).
     """
-    m, n = H.shape
-    G, U, u = np.zeros((m, n)), np.empty((m, m)), np.zeros((m, n))
-    add_product(G, 1.0, H, P)
-    for a in range(m):
-        for b in range(m):
-            S[a, b] = 0.5 * (R[a, b] + R[b, a])
-    add_product(S, 1.0, H, transposed(G))
-    mirror(S)
+    G, U, u = innovation_covariance(P, H, R, S), np.empty(S.shape), np.zeros(H.shape)
     status = cholesky_upper(S, U)
     if status != 0:
         return status

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from geokalman.kalman.checks import array, plain, scalar
-from geokalman.kalman.dense import cholesky_upper, copy_vector, solve_lower, solve_upper
+from geokalman.kalman.dense import add_product, add_vector_product, cholesky_upper, solve_lower, solve_upper, transposed
 from geokalman.kalman.gaussian import Innovation
 
 FLOOR = 1e-8
@@ -74,9 +74,10 @@ def normal_step(N, z, p, x, U):
     N : (m, n); z, p : (m,); outputs x : (n,) and U : (n, n), the root of the normal matrix U' U = N' P N.
     Returns 0, or k >= 1 when direction k - 1 is not determined (a pivot below SINGULAR of its diagonal element).
     """
-    weighted = p.reshape((p.size, 1)) * N
-    A = weighted.T @ N
-    copy_vector(z @ weighted, x)
+    A, weighted = np.zeros(U.shape), p.reshape((p.size, 1)) * N
+    add_product(A, 1.0, transposed(weighted), N)
+    x.fill(0.0)
+    add_vector_product(x, 1.0, z, weighted)
     status = cholesky_upper(A, U)
     if status != 0:
         return status
@@ -97,16 +98,16 @@ def equivalent_weights_step(N, z, variance, k0, k1, passes, x, U, weights):
     N : (m, n); z, variance : (m,); outputs x : (n,), U : (n, n) root of the normal matrix, weights : (m,).
     Returns the status of `normal_step`. Source: Yang, He & Xu (2001); mars-pulsar (19), (20).
     """
-    m, n = N.shape
     weights.fill(1.0)
     for _ in range(passes):
         status = normal_step(N, z, weights / variance, x, U)
         if status != 0:
             return status
-        if m > n:  # without redundancy residuals are rounding, weights stay 1
-            s = (z - N @ x) / np.sqrt(variance)
-            for a in range(m):
-                weights[a] = max(igg3(s[a], k0, k1), FLOOR)
+        if z.size > x.size:  # without redundancy residuals are rounding, weights stay 1
+            residual = z.copy()
+            add_vector_product(residual, -1.0, x, transposed(N))
+            for a in range(z.size):
+                weights[a] = max(igg3(residual[a] / np.sqrt(variance[a]), k0, k1), FLOOR)
     return 0
 
 

@@ -59,7 +59,10 @@ def run(
         raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented")
     code = EXTENDED if kind == "extended" else UNSCENTED
     space = model.manifold or flat()
-    prior = _on_manifold(prior, space) if model.manifold else gaussian(*prior)
+    if model.manifold is None:
+        prior = gaussian(*prior)
+    else:
+        prior = Gaussian(array("mean", prior[0], None), covariance("covariance", prior[1], space.n))
     t, n = epochs(t, repeated=model.f is not None), len(prior.cov)
     N = len(t)
     propagate, motion = _motion(model, t, len(prior.mean), n, code)
@@ -120,10 +123,6 @@ def _finite(course: Trajectory, z: np.ndarray, stopped: bool) -> None:
             raise ValueError(f"{name} is not finite at epoch {k} (t = {course.t[k]:g} s)")
 
 
-def _on_manifold(prior: Gaussian, space: Manifold) -> Gaussian:
-    return Gaussian(array("mean", prior[0], None), covariance("covariance", prior[1], space.n))
-
-
 def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold | None, kind: int) -> Options:
     if whole("iterations", iterations) < 1:
         raise ValueError(f"iterations = {iterations}: an update needs at least one linearisation")
@@ -144,20 +143,18 @@ def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifo
 
 def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
     """Give the model as a function with the signature PROPAGATE and as arrays."""
-    steps_count = len(t) - 1
-    params = array("params of the model", model.params, None)
-    inputs = model.inputs
-    inputs = np.empty((steps_count, 0)) if inputs is None else array("inputs of the model", inputs, steps_count, None)
+    count, params = len(t) - 1, array("params of the model", model.params, None)
+    inputs = _inputs("the model", model.inputs, count)
     if model.f is None and model.F is None:
         raise ValueError("the model has neither f nor F: give a function or matrices")
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
         return stand_ins()[0], Motion(LINEAR, inputs, params, Phi, Q, step)
-    Phi, Q = np.zeros((2, steps_count, n, n))
+    Phi, Q = np.zeros((2, count, n, n))
     if model.Q is not None and not callable(model.Q):
-        Q[:] = covariances("Q", model.Q, steps_count, n)
-    motion = Motion(kind, inputs, params, Phi, Q, np.arange(steps_count))
+        Q[:] = covariances("Q", model.Q, count, n)
+    motion = Motion(kind, inputs, params, Phi, Q, np.arange(count))
     return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, nx, n, kind), motion
 
 
@@ -203,56 +200,38 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     if not sensors:
         raise ValueError("there is no sensor: give at least one")
     z = [array(f"z of sensor {i}", s.z, N, None, missing=True) for i, s in enumerate(sensors)]
-    width = [values.shape[1] for values in z]
-    numbered = list(zip(range(len(z)), sensors, width, strict=True))
-    R = [covariances(f"R of sensor {i}", s.R, N, m) for i, s, m in numbered]
-    for i, s in enumerate(sensors):
+    first = _offsets([values.shape[1] for values in z])
+    R, H, functions = [], [], []
+    for i, (s, m) in enumerate(zip(sensors, np.diff(first), strict=True)):
         if s.h is None and s.H is None:
             raise ValueError(f"sensor {i} has neither h nor H: give a function or a matrix")
-    linear = [s.h is None for s in sensors]
-    H = [matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)) for i, s, m in numbered]
-    functions = tuple(
-        stand_ins()[1] if s.h is None else s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind)
-        for i, s, m in numbered
-    )
-    inputs = [
-        np.empty((N, 0)) if s.inputs is None else array(f"inputs of sensor {i}", s.inputs, N, None)
-        for i, s, _ in numbered
-    ]
-    params = [array(f"params of sensor {i}", s.params, None) for i, s, _ in numbered]
+        R.append(covariances(f"R of sensor {i}", s.R, N, m))
+        H.append(matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)))
+        if s.h is None:
+            functions.append(stand_ins()[1])
+        else:
+            functions.append(s.h if is_kernel(s.h, OBSERVE) else _observation(s, i, m, n, kind))
+    R_all, H_all = np.zeros((max(map(len, R)), first[-1], first[-1])), np.zeros((max(map(len, H)), first[-1], n))
+    for a, b, R_own, H_own in zip(first[:-1], first[1:], R, H, strict=True):
+        R_all[:, a:b, a:b], H_all[:, a:b] = R_own, H_own
+    inputs = [_inputs(f"sensor {i}", s.inputs, N) for i, s in enumerate(sensors)]
+    params = [array(f"params of sensor {i}", s.params, None) for i, s in enumerate(sensors)]
     different = tuple(dict.fromkeys(functions))
     return different, Sensing(
-        first=_offsets(width),
-        kind=np.where(linear, LINEAR, kind),
+        first=first, kind=np.where([s.h is None for s in sensors], LINEAR, kind),
         function=np.array([different.index(function) for function in functions]),
-        sequential=np.array([s.sequential for s in sensors]),
-        z=np.hstack(z),
-        R=_side_by_side(R, diagonal=True),
-        H=_side_by_side(H, diagonal=False),
-        inputs=np.hstack(inputs),
-        inputs_first=_offsets([values.shape[1] for values in inputs]),
-        params=np.concatenate(params),
-        params_first=_offsets([values.size for values in params]),
-    )
+        sequential=np.array([s.sequential for s in sensors]), z=np.hstack(z), R=R_all, H=H_all,
+        inputs=np.hstack(inputs), inputs_first=_offsets([values.shape[1] for values in inputs]),
+        params=np.concatenate(params), params_first=_offsets([values.size for values in params]),
+    )  # fmt: skip
+
+
+def _inputs(whose: str, inputs, count: int) -> np.ndarray:
+    return np.empty((count, 0)) if inputs is None else array(f"inputs of {whose}", inputs, count, None)
 
 
 def _offsets(lengths: Sequence[int]) -> np.ndarray:
     return np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-
-
-def _side_by_side(stacks: Sequence[np.ndarray], diagonal: bool) -> np.ndarray:
-    """Join the stacks of the sensors to (K, M, M), block diagonal, or (K, M, n)."""
-    if len(stacks) == 1:
-        return stacks[0]
-    K = max(len(stack) for stack in stacks)
-    first = _offsets([stack.shape[1] for stack in stacks])
-    out = np.zeros((K, first[-1], first[-1] if diagonal else stacks[0].shape[2]))
-    for stack, a, b in zip(stacks, first[:-1], first[1:], strict=True):
-        if diagonal:
-            out[:, a:b, a:b] = stack
-        else:
-            out[:, a:b] = stack
-    return out
 
 
 def _failure(epoch: int, what: int, row: int, t: np.ndarray) -> Exception:
