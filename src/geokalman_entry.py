@@ -4,7 +4,7 @@ It stands outside the package and does without `signal`, which imports some more
 the built-in one.
 """
 
-import _signal
+import _signal  # pyrefly: ignore[missing-import]
 import os
 
 
