@@ -1,4 +1,4 @@
-"""The command `geokalman`: the commands of the machinery, and those that need the applications."""
+"""The command `geokalman`: the commands of `execbook`, and later those that need the applications."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class Processed:
     """What the chain made of one satellite at the epochs t (n,) [s] of the filter.
 
     combined : cameras at those epochs; increments : at 8 Hz; rates (n, 3) : mean gyro rates over +-0.5 s there (1 Hz
-    only), NaN where lost; measured : what the filters saw; solutions : filter -> Solution; edge (n,) : epochs at an
+    only), NaN where lost; measured : what the filters saw; solutions : filter -> Estimate; edge (n,) : epochs at an
     edge of the clock of the files (bad input 11), none where simulated.
     """
 
@@ -138,7 +138,7 @@ def mekf(
     scale : factor on the gyro noise (kappa for the JPL-like stand-in); start : first attitude in the place of the first
     camera's; smooth : give the pair (forward, RTS); vector_part : the residual is twice the vector part of q* z instead
     of its rotation vector. tuning.gate : largest NIS admitted, 0 admits all.
-    Returns a Solution, or two. Raises ValueError without data, NotPositiveDefinite with the epoch.
+    Returns an Estimate, or two. Raises ValueError without data, NotPositiveDefinite with the epoch.
     """
     first, (d, lost), h = _first(data), _filled(data), data.dt
     S, B = scale**2 * data.rate_cov, data.bias_cov

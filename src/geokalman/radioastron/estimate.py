@@ -72,12 +72,12 @@ class Estimate:
 
 
 def prior_orbit(data: Observations) -> StateEstimate:
-    """The a-priori state as an Orbit: what one has without tracking."""
+    """The a-priori state as a StateEstimate: what one has without tracking."""
     return _orbit(data.t[0], data.prior_mean.copy(), data.prior_cov.copy())
 
 
 def _orbit(t: float, x: Array, P: Array) -> StateEstimate:
-    """The Orbit of a state with its biases."""
+    """The StateEstimate of a state with its biases."""
     return StateEstimate(float(t), x[:6], P[:6, :6], x[6:], np.sqrt(np.diag(P)[6:]))
 
 
@@ -202,7 +202,7 @@ def literal_step(state: Array, gradient: Array, step: float) -> Array:
 
 @njit(PROPAGATE, cache=True)
 def _propagate(t0, t1, x, u, p, x_out, F, Q):
-    """Orbit at t1; biases stay. p : params of `Dynamics`, then 0 for the variational equations or 1 for I + F T,
+    """State at t1; biases stay. p : params of `Dynamics`, then 0 for the variational equations or 1 for I + F T,
     the longest step [s], and the density q of white acceleration [m^2 s^-3]."""
     params, euler, longest, q, T = p[:-3], p[-3], p[-2], p[-1], t1 - t0
     x_out[:] = x
