@@ -149,7 +149,7 @@ def test_a_small_file_that_unpacks_to_a_giant_is_refused(tmp_path, monkeypatch):
 def test_zero_bytes_are_no_text(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"abc\n\0\0\0\n")
-    with pytest.raises(InputError, match="line 2: a zero byte"):
+    with pytest.raises(InputError, match="line 2: it has a zero byte"):
         list(reading.lines(path))
 
 

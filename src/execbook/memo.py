@@ -76,7 +76,7 @@ class Memo:
             self.folder.mkdir(parents=True, exist_ok=True)
             lock.acquire()
         except OSError as error:
-            self.note(f"The memo cannot be used ({error.strerror or error}); computing anew.")
+            self.note(f"The memo cannot be used ({error.strerror or error}); results are computed again.")
             return compute()
         try:
             try:
@@ -84,7 +84,7 @@ class Memo:
             except FileNotFoundError:
                 pass
             except (OSError, ValueError) as error:
-                self.note(f"A kept result was damaged ({error}); computing it anew.")
+                self.note(f"A kept result was damaged ({error}); it is computed again.")
             result = compute()
             try:
                 _write(entry, result)

@@ -39,7 +39,7 @@ def source_path(root: Path, name: str) -> Path:
 
 
 def name_of(root: Path, word: str) -> str:
-    """Give the name of a notebook whose source stands at the path `word`; any other word is given back."""
+    """Give the name of the notebook whose source is at the path `word`, else the word itself."""
     listed = {str(source_path(root, name)): name for name in names(root)}
     places = (os.path.abspath(os.path.join(base, word)) for base in (os.getcwd(), root))
     return next((listed[place] for place in places if place in listed), word)

@@ -87,7 +87,7 @@ def _no_run(folder: Path, error: OSError) -> Misuse:
 
 
 def _damaged(path: Path, why: str) -> Misuse:
-    return Misuse(f"{path} is damaged ({why}); make the run anew.")
+    return Misuse(f"{path} is damaged ({why}); run the notebook again.")
 
 
 def refuse_foreign(folder: Path) -> None:

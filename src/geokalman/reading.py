@@ -213,7 +213,7 @@ def lines(
                 if len(line) > MAX_LINE:
                     raise place.error(f"the line is longer than {MAX_LINE} characters; this is no text {what}.")
                 if "\0" in line:
-                    raise place.error(f"a zero byte stands there; this is no text {what}.")
+                    raise place.error(f"it has a zero byte; this is no text {what}.")
                 if "\ufeff" in line or "\x1a" in line:  # byte order marks inside, and what ends a file of DOS
                     line = line.replace("\ufeff", "").replace("\x1a", "")
                 yield place, _decoded(line) if keep_ends else _decoded(line).rstrip("\n")

@@ -262,7 +262,7 @@ def test_a_row_without_a_time_is_left_out_with_a_note(table):
 def test_a_file_that_is_in_there_twice_is_taken_once(whole):
     rows = np.flatnonzero(np.isin(whole["LINE"], [104000, 104100]))
     twice = {name: values[np.append(rows, rows)] for name, values in whole.items()}
-    with pytest.warns(checks.SuspiciousData, match="line 104000 stands twice in the same rows; they are taken once"):
+    with pytest.warns(checks.SuspiciousData, match="line 104000 occurs twice in the same rows; they are taken once"):
         found = read.survey(twice, KAURING)
     assert [f.name for f in found.flights] == ["104000", "104100"]
 

@@ -109,7 +109,7 @@ REFUSED = {
     "a missing correction": (lambda t: t(FACOR=None), r"the nearest lacks FACOR"),
     "a spreadsheet": (lambda t: "PK\x03\x04" + t(), "this is a zip archive"),
     "a web page": (lambda t: "<!DOCTYPE html>" + t(), "this is a web page, not a survey file"),
-    "zero bytes": (lambda t: t() + "\0" * 100 + "\n", "line 502: a zero byte stands there"),
+    "zero bytes": (lambda t: t() + "\0" * 100 + "\n", "line 502: it has a zero byte"),
     "a line without an end": (lambda t: t() + "1," * 600_000, "line 502: the line is longer than"),
     "a header only": (lambda t: t().split("\n")[0], "own.csv: this has no data under its header"),
     "nothing": (lambda t: "", "own.csv: this is empty"),

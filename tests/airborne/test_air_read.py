@@ -169,7 +169,7 @@ def test_ones_own_layout(table, kauring):
 def test_files_that_are_no_tables(table, tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(b"LINE,UTC\n\xf8\x00,2\n")
-    with pytest.raises(InputError, match="a.csv, line 2: a zero byte stands there; this is no text survey file"):
+    with pytest.raises(InputError, match="a.csv, line 2: it has a zero byte; this is no text survey file"):
         tables.read_table(path)
     write_csv(path, cut(table, slice(0, 300)), opener=gzip.open)
     path.write_bytes(path.read_bytes()[:-400])

@@ -88,7 +88,7 @@ def test_a_null_in_a_reference_is_left_to_the_assessment(table):
 
 def test_a_repeated_row_is_dropped_and_a_repeated_epoch_splits(table, kauring):
     twice = cut(table, np.sort(np.append(np.arange(888), 300)))
-    with pytest.warns(checks.SuspiciousData, match="1 row of line 104000 stands twice and is taken once .*row 302"):
+    with pytest.warns(checks.SuspiciousData, match="1 row of line 104000 occurs twice and is taken once .*row 302"):
         found = survey(twice, KAURING)
     np.testing.assert_array_equal(found[104000].line.z, kauring[104000].line.z)
     table["UTC"][500:] -= 0.5

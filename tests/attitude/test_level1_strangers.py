@@ -203,7 +203,7 @@ def test_packed_files_are_told_by_their_first_bytes(tmp_path, pack):
     ("content", "message"),
     [
         (b"", "no line '# End of YAML header'"),
-        (b"\x00" * 4000, "line 1: a zero byte"),
+        (b"\x00" * 4000, "line 1: it has a zero byte"),
         (b"x" * (1 << 21), "line 1: the line is longer than"),
         (b"PK\x03\x04", "zip archive; unpack it"),
         (b"<html><title>Earthdata Login</title>", "a web page"),

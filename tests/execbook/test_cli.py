@@ -132,7 +132,7 @@ def test_twins(toy, geokalman):
     twin = toy / "book" / "toy" / "01-line.ipynb"
     notebook = json.loads(twin.read_text())
     assert [c["id"] for c in notebook["cells"]][:2] == ["toy-01-line-00", "toy-01-line-01"]
-    assert geokalman(toy, "notebooks").returncode == 0  # an unchanged twin is simply made anew
+    assert geokalman(toy, "notebooks").returncode == 0  # an unchanged twin is simply made again
     notebook["cells"][0]["source"] = ["mine"]
     twin.write_text(json.dumps(notebook))
     done = geokalman(toy, "notebooks")

@@ -102,7 +102,7 @@ def test_a_damaged_entry_is_noticed_and_recomputed(tmp_path, damage):
     kept()
     [entry] = tmp_path.glob("*.pickle")
     entry.write_bytes(damage(entry.read_bytes()))
-    with pytest.warns(UserWarning, match="damaged .its checksum does not hold.; computing it anew"):
+    with pytest.warns(UserWarning, match="damaged .its checksum does not hold.; it is computed again"):
         np.testing.assert_array_equal(kept(), np.arange(1000.0))
     assert f.calls == 2
     kept()
@@ -153,7 +153,7 @@ def test_disk_full_gives_the_result_all_the_same(tmp_path, monkeypatch):
 
 def test_a_memo_that_cannot_be_used_only_warns(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.warns(UserWarning, match="cannot be used .*; computing anew"):
+    with pytest.warns(UserWarning, match="cannot be used .*; results are computed again"):
         assert Memo(tmp_path / "file" / "memo", "execbook")(counting(lambda: 5))() == 5
 
 

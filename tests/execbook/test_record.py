@@ -249,7 +249,7 @@ def test_a_damaged_memo_is_noted_beside_the_notebook_not_in_it(book, toy, capsys
     kept(toy / "nothing")
     book.finish()
     told = json.loads((toy / "out" / "provenance.json").read_text())
-    assert told["notes"] == ["A kept result was damaged (its checksum does not hold); computing it anew."]
+    assert told["notes"] == ["A kept result was damaged (its checksum does not hold); it is computed again."]
     assert capsys.readouterr().err == ""
 
 

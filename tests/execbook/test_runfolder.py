@@ -276,7 +276,7 @@ def test_a_malformed_record_on_the_command_line(built, run, geokalman):
         and done.stderr
         == (
             f"geokalman: {run / 'arrays.npz'} is damaged (pickled objects in it, which may run code, are not read); "
-            "make the run anew.\n"
+            "run the notebook again.\n"
         )
     )
 

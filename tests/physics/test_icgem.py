@@ -176,7 +176,7 @@ def test_compression_is_told_by_the_bytes(tmp_path, pack, name):
         (b"PK\x03\x04...", "this is a zip archive; unpack it"),
         (b"<!DOCTYPE html><html>", "this is a web page, not a gravity field"),
         (b"", "no line 'end_of_head'"),
-        (b"radius 1\0\0\n", "line 1: a zero byte stands there"),
+        (b"radius 1\0\0\n", "line 1: it has a zero byte"),
         (b"GRCOF2    2    0 -0.484165E-03 0.0\n", "no line 'end_of_head'"),
         (b"x" * (1 << 21), "line 1: the line is longer than"),
     ],

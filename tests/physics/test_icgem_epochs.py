@@ -105,7 +105,7 @@ YEARS = "20000101 20100101"
         (
             [*VARIABLE, "trnd 2 0 1.1e-11 0.0"],
             {},
-            r"line 18: this term of coefficient \(2, 0\) stands there already, in line 13",
+            r"line 18: this term of coefficient \(2, 0\) is given already, in line 13",
         ),
         ([f"gfct 2 0 -4.8e-4 0 {YEARS}", *ROWS[2:]], {}, "line 11: 7 columns where 6 are right .* 'format icgem2.0'"),
         (

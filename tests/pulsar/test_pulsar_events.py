@@ -75,7 +75,7 @@ def test_keywords_of_time_are_honoured(fits_file, header, unit, factor, first):
         ({"MJDREFF": b""}, "s", "lacks MJDREF"),
         ({"MJDREFF": "zero"}, "s", "MJDREFF = 'zero' is not a number"), ({"MJDREFF": True}, "s", "MJDREFF = 'True'"),
         ({"MJDREF": 49350.0}, "s", "MJDREF = 49350.0 contradicts MJDREFI"),
-        ({"mjdrefi": 49354}, "s", "MJDREFI stands there twice"),
+        ({"mjdrefi": 49354}, "s", "MJDREFI is given twice"),
         ({"MJDREFI": 0}, "s", "row 1, which is MJD 0.00.* not between 1960"),
         ({"MJDREFI": 2449353}, "s", "not between 1960 and 2100"),
         ({"TIMEZERO": 1e300}, "s", "TIME has 100 in row 1"), ({"TIMEZERO": "none"}, "s", "TIMEZERO = 'none'"),

@@ -82,8 +82,8 @@ def test_two_records_are_enough_and_one_is_not(fits_file, hour):
     t, state = hour
     orbit = read_orbit(fits_file((HEAD, xyz(t[:2], state[:2]))))
     assert orbit.position(np.array([T0 + 30.0]), orbit.jd)[0] == pytest.approx(kepler([30.0])[0, :3], abs=2.0)
-    for n in (0, 1):
-        with pytest.raises(FitsError, match=f"the orbit has {n} records; two are needed"):
+    for n, count in enumerate(("0 records", "1 record")):
+        with pytest.raises(FitsError, match=f"the orbit has {count}; two are needed"):
             read_orbit(fits_file((HEAD, xyz(t[:n], state[:n]))))
 
 

@@ -103,7 +103,7 @@ def test_the_same_pulsar_in_other_words(par_file, text):
         (GOOD + "UNITS TT\n", "line 7: UNITS TT is unknown"),
         ("", "no line gives a position or a spin"), ("some text\nof no use\n", "this is no .par file"),
         ("# RAJ 15:13:55\n", "this is no .par file"),
-        (b"PSR\0\1\2", "line 1: a zero byte"), (b"<!DOCTYPE html><p>log in", "this is a web page"),
+        (b"PSR\0\1\2", "line 1: it has a zero byte"), (b"<!DOCTYPE html><p>log in", "this is a web page"),
         (b"PK\3\4", "a zip archive"),
     ],
 )  # fmt: skip

@@ -107,7 +107,7 @@ def los_frame(r_self: Array, r_other: Array) -> Array:
 
 
 def _once(name: str, numbers: Iterable[int]) -> tuple[int, ...]:
-    """Numbers in order. Raises ValueError where one stands twice."""
+    """Numbers in order. Raises ValueError where one occurs twice."""
     given = sorted(numbers)
     if len(set(given)) < len(given):
         raise ValueError(f"{name} = {given} names {max(given, key=given.count)} twice; name each once.")

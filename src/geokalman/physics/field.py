@@ -157,7 +157,10 @@ class Misfit(NamedTuple):
 
 
 def misfit(gm: float, radius: float, C20: float, body: Body) -> Misfit | None:
-    """Tell what is not that of the body: GM (to 1 %), radius (to 3 %), or C20 (to 2 %); None where all is."""
+    """Tell which constant of a field is not that of the body, or give None.
+
+    gm [m^3 s^-2] may differ by 1 %, radius [m] by 3 %, C20 (fully normalised) by 2 %.
+    """
     if abs(gm / body.gm - 1.0) > 0.01:
         cure = "it is in km^3/s^2" if abs(1e9 * gm / body.gm - 1.0) < 0.01 else "it is that of another body"
         return Misfit("gravity_constant", f"GM = {gm:g} is not that of {body.name}, {body.gm:g} m^3/s^2; {cure}.")

@@ -95,7 +95,7 @@ def at_epoch(
                 continue
             line = seen.setdefault((t.key, t.period), t.place.line)
             if line != t.place.line:
-                raise t.place.error(f"this term of coefficient {nm} stands there already, in line {line}.")
+                raise t.place.error(f"this term of coefficient {nm} is given already, in line {line}.")
             years = (time - (t.begin or base[0].begin)).total_seconds() / (365.25 * 86400.0)
             angle = 2.0 * math.pi * years / t.period
             factor = {"trnd": years, "acos": math.cos(angle), "asin": math.sin(angle)}[t.key]

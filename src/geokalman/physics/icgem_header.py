@@ -79,7 +79,7 @@ def read_header(path: Path, lines: Iterator[tuple[Place, str]]) -> Header:
                 continue
             begun = True
             if values.setdefault(key, (value, place))[0] != value and key != "modelname":
-                said = f"{key} = {' '.join(words)} stands otherwise in line {values[key][1].line}; one is right."
+                said = f"{key} = {' '.join(words)} is given otherwise in line {values[key][1].line}; one is right."
                 fault = fault or place.error(said)
     else:
         raise GfcError(f"{path}: no line 'end_of_head'; this is no ICGEM file, or it is truncated.")

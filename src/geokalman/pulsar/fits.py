@@ -60,9 +60,9 @@ class Header(dict[str, Any]):
         warnings.warn(f"{self.where}: {text}", FitsWarning, stacklevel=2)
 
     def value(self, key: str) -> Any:
-        """Give a value, None where absent or undefined; FitsError where it stands there twice."""
+        """Give a value, None where absent or undefined; FitsError where it is given twice."""
         if key in self.doubled:
-            raise self.error(f"{key} stands there twice with different values; keep the right one.")
+            raise self.error(f"{key} is given twice with different values; keep the right one.")
         return self.get(key)
 
     def text(self, key: str) -> str:

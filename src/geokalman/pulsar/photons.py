@@ -141,7 +141,10 @@ def orbit_scale(
     events: Events, direction: Array, orbit: SatelliteOrbit, near: float, scales: Array,
     ephemeris: Ephemeris | None = None,
 ) -> Array:  # fmt: skip
-    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay; arguments as `barycentred`."""
+    """Give Z_1^2 at the best frequency for each scale of the satellite's Roemer delay.
+
+    near [Hz]; scales (n,); the other arguments and errors are those of `barycentred` and `best_frequency`.
+    """
     times = (barycentred(events, direction, orbit, scale=s, ephemeris=ephemeris) for s in scales)
     return np.array([best_frequency(t, near, 1e-3)[1] for t in times])
 

@@ -167,7 +167,7 @@ def find_stations(names: list[str] | tuple[str, ...], session: Session) -> tuple
     """The stations of some names, the session's own for none. Raises ValueError for doubles and unknown ones."""
     found = tuple(find_station(name) for name in names) or (session.station,)
     if len(set(found)) < len(found):
-        raise ValueError(f"stations {', '.join(found)}: one of them stands there twice")
+        raise ValueError(f"stations {', '.join(found)}: one of them is given twice; name each once.")
     return found
 
 

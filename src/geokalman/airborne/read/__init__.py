@@ -304,7 +304,7 @@ def _blocks(table: Table, labels: Array, channels: Mapping[str, Array]) -> tuple
     for rows in blocks:
         twins = [one for one in kept if labels[one[0]] == labels[rows[0]] and len(one) == len(rows)]
         if any(all(np.array_equal(x[one], x[rows], equal_nan=True) for x in channels.values()) for one in twins):
-            notes.append(f"line {_label(labels[rows[0]])} stands twice in the same rows; they are taken once")
+            notes.append(f"line {_label(labels[rows[0]])} occurs twice in the same rows; they are taken once")
         else:
             kept.append(rows)
     return kept, notes

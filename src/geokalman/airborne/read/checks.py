@@ -147,7 +147,7 @@ def in_order(name: str, c: Table, references: Table) -> tuple[Table, Table, list
     if same.any():
         first = at(references, int(np.argmax(same)))
         count = int(same.sum())
-        stand = "rows of line {0} stand twice and are" if count > 1 else "row of line {0} stands twice and is"
+        stand = "rows of line {0} occur twice and are" if count > 1 else "row of line {0} occurs twice and is"
         notes.append(f"{count} {stand.format(name)} taken once (the first{first})")
         c, references, t = _take(c, ~same), _take(references, ~same), t[~same]
     step = np.diff(t)
@@ -269,10 +269,11 @@ def places(who: str, c: Table) -> tuple[Table, bool]:
 
 
 def signs(name: str, c: Table) -> None:
-    """A line wanders to either side of its track alike in degrees and in metres. Raises InputError for a wrong sign.
+    """Refuse a latitude or longitude of the wrong sign, by how the line wanders about its track.
 
-    On a line to the east the motion shows no wrong sign of the latitude, and on one to the north none of the longitude.
-    What is left of either coordinate after a parabola over the track does: on the map and on the sphere it is the same.
+    The motion of a line to the east hardly shows a wrong sign of the latitude, that of a line to the north none of the
+    longitude. What a parabola along the track leaves of the coordinate across it does: it is the same on the map and
+    on the sphere. Raises InputError.
     """
     good = np.logical_and.reduce([np.isfinite(c[key]) for key in ("lat", "lon", "easting", "northing")])
     x, y = (c[key][good] - np.mean(c[key][good]) for key in ("easting", "northing"))

@@ -159,7 +159,7 @@ def _same_names(names: _Names, place: Place, text: str) -> None:
     words = [column_name(word)[0] for word in _split(text, names.delimiter)]
     known = [column_name(word)[0] for word in names.words]
     if words != known and len(words) == len(known) and len(set(words) & set(known)) > len(known) / 2:
-        raise place.error(f"the columns are named anew and otherwise than in row {names.place.line}; split the file.")
+        raise place.error(f"the columns are named again, and otherwise than in row {names.place.line}; split the file.")
 
 
 def _line_header(text: str) -> str | None:

@@ -43,11 +43,13 @@ def height_correlation(f3: Array, height: Array) -> float:
 
 
 def height_noise(f3: Array, height: Array, dt: float) -> tuple[float, float]:
-    """White noise of the height [m] that its misfit to f3' would need, at short and long periods.
+    """Give the white noise of the height that would explain its misfit to f3', in two bands.
 
-    The spectrum of d2h/dt2 - f3' over that of the second difference, (2 sin(w/2))^4 / dt^4, is the square: flat where
-    the height is noisy, but falling as w^-4 where f3' is (aliased vibration, say), which the filter integrates twice.
-    f3 (n,) [mGal]; height (n,) [m]; dt [s]. Short are periods of 2 to 4 steps, long those of 4 to 32.
+    Its square is the spectrum of d2h/dt2 - f3' over that of a second difference, (2 sin(w/2))^4 / dt^4: flat where the
+    height is noisy, but falling as w^-4 where f3' is (aliased vibration, say), which the filter integrates twice.
+
+    f3 : (n,) [mGal]; height : (n,) [m]; dt [s]. Returns standard deviations [m] at periods of 2 to 4 and of 4 to 32
+    steps. At least `ENOUGH` epochs are needed.
     """
     misfit = np.diff(height, 2) - f3[1:-1] * dt**2 / METRE
     window = np.hanning(len(misfit))
