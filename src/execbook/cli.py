@@ -69,7 +69,7 @@ def params(notebook: str, as_json: AsJson = False) -> None:
     for p in spec.parameters.values():
         quick = repr(spec.quick[p.name]) if p.name in spec.quick else ""
         rows.append([p.name, p.type, repr(p.default), quick, p.range, "" if p.is_path else p.unit, p.help])
-    print(display.plain_table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
+    print(display.table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
     example = " ".join(shlex.quote(f"{k}={v}") for k, v in list(spec.quick.items())[:1])
     print(f"\nas in: {project.read(root()).command} run {notebook} {example}".rstrip())
 
@@ -187,7 +187,7 @@ def compare(
     print(f"left:  {found.left}\nright: {found.right}")
     for name, a, b in found.parameters:
         print(f"  {name}: {a!r} | {b!r}")
-    print(compare.table(found, "plain"))
+    print(compare.table(found))
     moved = compare.moved(found, rel)
     sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
     print(compare.write_page(found, folder))

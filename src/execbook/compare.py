@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import math
 from pathlib import Path
@@ -129,10 +128,9 @@ def cells(row: Row) -> list[str]:
     return [row.key, *values, difference, "" if row.relative is None else f"{row.relative:+.2e}", row.unit]
 
 
-def table(comparison: Comparison, form: str) -> str:
-    """Give the numbers as a `plain` or `html` table."""
-    make = display.html_table if form == "html" else display.plain_table
-    return make(HEADER, [cells(row) for row in comparison.rows], _ALIGN)
+def table(comparison: Comparison, form: str = "simple") -> str:
+    """Give the numbers as a table, in text or as `html`."""
+    return display.table(HEADER, [cells(row) for row in comparison.rows], _ALIGN, form)
 
 
 def write_page(comparison: Comparison, folder: Path) -> Path:
@@ -158,6 +156,5 @@ def _figure(comparison: Comparison, name: str) -> str:
         image = overlay.overlay(*map(overlay.read_columns, runs), name)
     except Fault as error:
         return f"{heading}<p>Not drawn: {html.escape(str(error))}</p>"
-    data = base64.b64encode(image).decode()
     alt = f"The data of figure {html.escape(name)} from the left and the right run"
-    return f'{heading}<figure><img alt="{alt}" src="data:image/png;base64,{data}"></figure>'
+    return f'{heading}<figure><img alt="{alt}" src="{display.inlined(image)}"></figure>'

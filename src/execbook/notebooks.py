@@ -1,4 +1,4 @@
-"""The notebooks of the book: where they are, how they are read, and their twins for Jupyter."""
+"""The notebooks of the book: where they are, how they are read, their twins for Jupyter."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _MARK = "execbook"
 
 
 def names(root: Path) -> list[str]:
-    """List the names `<paper>/<notebook>` of the MyST files with a jupytext header, in the order of the book."""
+    """List the names `<paper>/<notebook>` of the notebooks, in the order of the book."""
     return sorted((name for name, path in _pages(root).items() if _is_notebook(path)), key=contents.order(root))
 
 
 def source_path(root: Path, name: str) -> Path:
-    """Give the source of a notebook of the book; raises Misuse, with the nearest names, for any other word."""
+    """Give the source of a notebook; raises Misuse, with the nearest names, for any other word."""
     path = _pages(root).get(name)
     if path is not None and _is_notebook(path):
         return path
@@ -48,7 +48,7 @@ def _is_notebook(path: Path) -> bool:
 
 
 def read(root: Path, name: str) -> NotebookNode:
-    """Read a notebook, with deterministic cell ids; raises Fault where its file cannot be read as one."""
+    """Read a notebook, with deterministic cell ids; raises Fault where it cannot be read."""
     import jupytext
 
     path = source_path(root, name)
@@ -60,7 +60,7 @@ def read(root: Path, name: str) -> NotebookNode:
 
 
 def tidy(notebook: NotebookNode, name: str) -> NotebookNode:
-    """Give the cells ids made of name and position, drop times, and name the plain Python kernel, in place."""
+    """Name cells by their place and the plain Python kernel, and drop times, in place."""
     stem = re.sub(r"[^A-Za-z0-9]+", "-", name)[:58]
     notebook.nbformat, notebook.nbformat_minor = 4, 5
     for k, cell in enumerate(notebook.cells):
@@ -72,6 +72,13 @@ def tidy(notebook: NotebookNode, name: str) -> NotebookNode:
     return notebook
 
 
+def write(path: Path, notebook: NotebookNode) -> None:
+    """Write a notebook whole or not at all."""
+    import nbformat
+
+    atomic.write_text(path, nbformat.writes(notebook) + "\n")
+
+
 def code(notebook: NotebookNode) -> str:
     """Give all code of a notebook as one Python text (IPython magics left out)."""
     lines = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code").splitlines()
@@ -79,7 +86,7 @@ def code(notebook: NotebookNode) -> str:
 
 
 def tagged(notebook: NotebookNode, tag: str) -> str | None:
-    """Give the source of the code cell with this tag, or None; raises Fault where there are two."""
+    """Give the source of the code cell with this tag, or None; raises Fault for two of them."""
     cells = [c.source for c in notebook.cells if c.cell_type == "code" and tag in c.metadata.get("tags", [])]
     if len(cells) > 1:
         raise Fault(f"{len(cells)} cells are tagged {tag}; a notebook has one.")
@@ -91,15 +98,13 @@ def write_twins(root: Path, force: bool = False) -> list[Path]:
 
     Raises Misuse, before anything is written, where a twin was edited since it was made (unless `force`).
     """
-    import nbformat
-
     made = {root / "book" / f"{name}.ipynb": read(root, name) for name in names(root)}
     edited = [] if force else [str(path.relative_to(root)) for path in made if path.is_file() and _is_edited(path)]
     if edited:
         raise Misuse(f"{', '.join(edited)} was edited; move it away, or overwrite it with --force.")
     for path, notebook in made.items():
         notebook.metadata[_MARK] = {"twin_of": path.with_suffix(".md").name, "sources": _digest(notebook)}
-        atomic.write_text(path, nbformat.writes(notebook) + "\n")
+        write(path, notebook)
     return list(made)
 
 

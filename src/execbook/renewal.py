@@ -8,7 +8,6 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -106,15 +105,8 @@ def _runs(root: Path, scales: Sequence[tuple[str, str]]) -> dict[tuple[str, str,
         with display.notebook(f"{name} ({mode}, {setting})") as progress:
             execute.run(root, name, out=runs[job], quick=quick, page=False, setting=setting, progress=progress, key=key)
 
-    with Display() as display, ThreadPoolExecutor(graph.WORKERS) as pool:
-        tasks = [pool.submit(one, job) for job in runs]
-        try:
-            for task in tasks:
-                task.result()
-        except BaseException:  # the first failure ends it; what is finished stays
-            pool.shutdown(wait=False, cancel_futures=True)
-            children.stop()
-            raise
+    with Display() as display:
+        children.in_parallel(graph.WORKERS, one, runs)  # the first failure ends it; what is finished stays
     return runs
 
 
@@ -151,7 +143,6 @@ def store(root: Path, folders: Mapping[str, Path], moves: bool = True) -> list[D
             kept.setdefault(key, array.ravel()[::stride])
             alike = (run[2][key] for run in runs if key in run[2] and list(run[2][key].shape) == entry["shape"])
             seen = [kept[key], *(a.ravel()[:: entry["stride"]] for a in alike)]
-        entry = {k: v for k, v in entry.items() if k not in tolerance.Tolerance.model_fields}  # an earlier one
         entries[key] = entry | spread(seen, entry)
     for key, entry in known.items():
         if anchors := entry.get("anchors"):

@@ -45,6 +45,17 @@ class _Provenance(_Strict):
     arrays: dict[_Key, _Array]
 
 
+def run_folder(root: Path, name: str) -> Path:
+    """Give the run folder of a notebook in the book."""
+    return root / "book" / "_build" / "runs" / name
+
+
+def provenance(folder: Path) -> dict[str, Any] | None:
+    """Read what a run of our own tells of itself, or give None where nothing stands in the folder."""
+    path = folder / _PROVENANCE
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+
 def read(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, np.ndarray]]:
     """Read provenance, numbers and arrays of a run folder; nothing in the files can run code.
 

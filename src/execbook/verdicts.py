@@ -78,7 +78,9 @@ def readme_with_block(root: Path) -> str:
     """
     open_claims = _not_computed(root)
     if open_claims:
-        raise Misuse(f"{open_claims} claims are not computed; make book computes them, then renew the README's verdicts.")
+        raise Misuse(
+            f"{open_claims} claims are not computed; make book computes them, then renew the README's verdicts."
+        )
     text = (root / "README.md").read_text(encoding="utf-8")
     if not _BLOCK.search(text):
         raise Fault("README.md lacks the lines <!-- verdicts --> and <!-- /verdicts -->; write them where they stood.")

@@ -18,7 +18,6 @@ import pytest
 
 from execbook import atomic, blocks, execute, notebooks, progress
 from execbook.errors import Fault, Misuse
-from execbook.execute import ExecutionFailed
 
 
 def hidden(folder):
@@ -114,7 +113,7 @@ def test_failure_names_notebook_cell_line_and_error(toy, break_constant):
     out = toy / "good"
     execute.run(toy, "toy/02-constant", out=out, page=False)
     before = {p.name: p.read_bytes() for p in out.iterdir()}
-    with pytest.raises(ExecutionFailed) as caught:
+    with pytest.raises(Fault) as caught:
         execute.run(toy, "toy/02-constant", {"divisor": 0}, out=out)
     message = str(caught.value).splitlines()
     assert message[0] == "FAILED toy/02-constant: cell [4]: ZeroDivisionError: float division by zero"
@@ -131,7 +130,7 @@ def test_failure_names_notebook_cell_line_and_error(toy, break_constant):
 def test_a_notebook_that_does_not_finish(toy):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(path.read_text().replace("nb.finish()", "pass"))
-    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: it ended without nb.finish"):
+    with pytest.raises(Fault, match="FAILED toy/02-constant: it ended without nb.finish"):
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert not (toy / "out").exists()
 
@@ -139,7 +138,7 @@ def test_a_notebook_that_does_not_finish(toy):
 def test_a_kernel_that_dies(toy):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(path.read_text().replace("half = 0.5", "import os; os._exit(1)"))
-    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: the kernel stopped"):
+    with pytest.raises(Fault, match="FAILED toy/02-constant: the kernel stopped"):
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert hidden(toy) == [".cache"]
 
@@ -160,7 +159,7 @@ def test_disk_full_in_the_kernel(toy):
         "def full(*_):\n    raise OSError(28, 'No space left on device')\npathlib.Path.write_bytes = full\nnb.finish()"
     )
     path.write_text(path.read_text().replace("nb.finish()", full))
-    with pytest.raises(ExecutionFailed, match=f"Cannot write {toy}/out/arrays.npz: the disk is full") as caught:
+    with pytest.raises(Fault, match=f"Cannot write {toy}/out/arrays.npz: the disk is full") as caught:
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert "partial" not in str(caught.value)
 
@@ -330,14 +329,14 @@ def test_a_long_loop_tells_its_share_while_it_runs(toy):
 ])  # fmt: skip
 def test_memory_that_runs_out_is_one_sentence(toy, code, why):
     edit_constant(toy, code)
-    with pytest.raises(ExecutionFailed) as caught:
+    with pytest.raises(Fault) as caught:
         execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
     assert str(caught.value).splitlines()[0].startswith(f"FAILED toy/02-constant: {why}")
 
 
 def test_a_kernel_that_the_system_kills_says_what_it_may_be(toy):
     edit_constant(toy, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
-    with pytest.raises(ExecutionFailed, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
+    with pytest.raises(Fault, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
         execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
 
 
