@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from execbook import contents, display, yamltext
-from execbook.errors import Fault, Misuse
+from execbook.errors import Fault, Misuse, explain
 from execbook.tolerance import Tolerance
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
@@ -181,12 +181,6 @@ def _claims(text: str, where: str) -> tuple[Claim, ...]:
             raise Fault(f"{where}, claim {name}: the id is taken by an earlier claim.")
         claims[claim.id] = claim
     return tuple(claims.values())
-
-
-def explain(error: ValidationError) -> str:
-    """Give what pydantic found as one sentence, each place with its problem."""
-    found = [(".".join(map(str, e["loc"])), e["msg"].removeprefix("Value error, ")) for e in error.errors()]
-    return "; ".join(dict.fromkeys(": ".join(filter(None, pair)) for pair in found))
 
 
 def recorded(root: Path, notebook: str) -> Metrics | None:
