@@ -1,4 +1,4 @@
-"""Whether the paper-scale results still say what is stored: references, anchors, verdicts, README."""
+"""Whether paper-scale results still agree with references, anchors, verdicts and README."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from execbook.errors import Fault
 
 @dataclass
 class Report:
-    """What was held against what, how many claims are near a threshold, and every problem in one sentence."""
+    """How much was held against what is stored, and every problem in one sentence."""
 
     numbers: int = 0
     anchors: int = 0

@@ -1,4 +1,4 @@
-"""The ledger of a paper: every claim it prints, held against the recorded numbers, with a computed verdict."""
+"""The ledger of a paper: every claim that it prints, held against our numbers, with a verdict."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Metrics = Mapping[str, Mapping[str, Any]]
 
 
 class Accept(Tolerance):
-    """How far ours may be from the paper's: relative, absolute, by a factor, or in a range of its own."""
+    """How far ours may be from the paper's: rel, abs, by a factor, or in a range of its own."""
 
     @model_validator(mode="before")
     @classmethod
@@ -59,7 +59,7 @@ class _Strict(BaseModel):
 
 
 class Compare(_Strict):
-    """A comparison of recorded numbers, left op factor * right; = holds within one part in a million."""
+    """A comparison of recorded numbers, left op factor * right; = holds within 1e-6."""
 
     left: MetricName
     op: Literal["<", "<=", ">", ">=", "="]
@@ -72,7 +72,7 @@ class Compare(_Strict):
 
 
 class Claim(_Strict):
-    """One number or statement of the paper, how we read it, what decides it, and the expected verdict."""
+    """A number or statement of the paper, how we read it, what decides it, the expected verdict."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")
     where: str
@@ -129,7 +129,7 @@ class Claim(_Strict):
 
 
 class Judgement(NamedTuple):
-    """A claim with our number and the verdict it has now (None where a number is not recorded)."""
+    """A claim with our number and its verdict now (None where a number is not recorded)."""
 
     claim: Claim
     ours: float | str | None
@@ -155,7 +155,7 @@ def papers(root: Path) -> list[str]:
 
 
 def ledger(root: Path, paper: str) -> list[Claim]:
-    """Read the claims of a paper; raises Fault for a malformed entry, Misuse for an unknown paper."""
+    """Read the claims of a paper; raises Fault for a wrong entry, Misuse for an unknown paper."""
     path = root / "book" / paper / "claims.yml"
     if not re.fullmatch(r"\w[\w.-]*", paper) or not path.is_file():
         raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
@@ -184,7 +184,7 @@ def _claims(text: str, where: str) -> tuple[Claim, ...]:
 
 
 def recorded(root: Path, notebook: str) -> Metrics | None:
-    """Read the paper-scale numbers of a notebook from the last build, or None where it was not run."""
+    """Read the numbers of a notebook from the last build, or give None where it was not run."""
     path = root / "book" / "_build" / "metrics" / f"{notebook}.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
@@ -260,7 +260,7 @@ def _compare(
 
 
 def _names(left: str, right: str | float) -> tuple[str, str]:
-    """Give what tells two recorded numbers apart: the parts of their names that differ, else their notebooks."""
+    """Give what tells two recorded numbers apart: parts of their names, else their notebooks."""
     book, _, key = left.partition(":")
     other_book, _, other = str(right).partition(":")
     if not other:

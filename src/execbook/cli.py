@@ -1,4 +1,4 @@
-"""The command line: list, explain, run, compare and judge the notebooks of the book, and build it.
+"""The command line: list, explain, run, compare and judge notebooks, and build the book.
 
 `app` is the command, to which a project may add its own; `main` runs it under the project's name.
 """

@@ -1,4 +1,4 @@
-"""Two runs, or a run and the book, side by side: numbers with their differences, figures laid over each other."""
+"""Two runs, or a run and the book: numbers with their differences, figures over each other."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ td, th {{ padding: .15rem .8rem .15rem 0 }} img {{ max-width: 100% }}
 
 
 class Row(NamedTuple):
-    """One number in both runs, or the rms of an array in both with the largest difference of its items."""
+    """A number in both runs, or the rms of an array with the largest difference of its items."""
 
     key: str
     unit: str
@@ -43,7 +43,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Names of both sides, parameters that differ (name, left, right), the numbers, and the figures that both have."""
+    """Names of both sides, parameters that differ, the numbers, and the figures that both have."""
 
     left: str
     right: str
@@ -69,7 +69,7 @@ def resolve(root: Path, word: str, base: Path) -> Path:
 
 
 def compare(root: Path, left: Path, right: Path | None) -> Comparison:
-    """Compare two run folders; without a second one, the book's run of the same notebook, else the stored reference."""
+    """Compare two run folders; the second is by default the book's, else the stored reference."""
     told, metrics, arrays = runfolder.read(left)
     name, quick = told["notebook"], told["mode"] == "quick"
     if right is None:
@@ -134,7 +134,7 @@ def table(comparison: Comparison, form: str = "simple") -> str:
 
 
 def write_page(comparison: Comparison, folder: Path) -> Path:
-    """Write `compare.html` (self-contained) into `folder`; returns it. A figure that cannot be drawn is named there."""
+    """Write `compare.html` into `folder` and return it; it names figures that cannot be drawn."""
     changed = "".join(f"<li>{html.escape(f'{k}: {a!r} | {b!r}')}</li>" for k, a, b in comparison.parameters)
     figures = "\n".join(_figure(comparison, name) for name in comparison.figures)
     page = folder / runfolder.PAGE

@@ -1,4 +1,4 @@
-"""The data of one figure from two runs in one image: curves over each other, tracks, or maps with their difference."""
+"""The data of a figure from two runs in one image: curves, tracks, or maps with a difference."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DECADES = 3.0  # positive values that span more are shown on a logarithmic axis
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """Read the numeric columns of a figure's data (CSV); raises Fault where the file is damaged."""
+    """Read the numeric columns of a figure's data (CSV); raises Fault for a damaged file."""
     try:
         with open(path, encoding="utf-8", newline="") as stream:
             header, *rows = csv.reader(stream)
@@ -101,7 +101,7 @@ def _track(left: Columns, right: Columns, places: Sequence[str]) -> Figure:
 
 
 def _maps(left: Columns, right: Columns, places: Sequence[str], columns: Sequence[str]) -> Figure:
-    """One row of maps per column; no difference where the runs have other places."""
+    """Draw one row of maps per column; no difference where the runs have other places."""
     import matplotlib.pyplot as plt
 
     same = all(left[p].shape == right[p].shape and np.allclose(left[p], right[p]) for p in places)
@@ -123,7 +123,7 @@ def _largest(values: np.ndarray) -> float:
 
 
 def _map(axis: Axes, at: Columns, places: Sequence[str], values: np.ndarray, largest: float, label: str) -> None:
-    """Values on a complete grid as cells, else as points; the colour scale is symmetric about zero."""
+    """Draw a complete grid as cells, else points; the colour scale is symmetric about zero."""
     longitude, latitude = (at[p] for p in places)
     (east, i), (north, k) = (np.unique(x, return_inverse=True) for x in (longitude, latitude))
     look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "rasterized": True}

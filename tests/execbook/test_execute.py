@@ -167,7 +167,7 @@ def test_disk_full_in_the_kernel(toy):
 def test_folders_that_are_not_ours_are_not_replaced(toy):
     (toy / "mine").mkdir()
     (toy / "mine" / "thesis.tex").touch()
-    with pytest.raises(Misuse, match=r"mine holds other things \(thesis.tex\); name a new or empty folder"):
+    with pytest.raises(Misuse, match=r"mine holds thesis.tex, which a new run would remove; move that elsewhere"):
         execute.run(toy, "toy/02-constant", out=toy / "mine")
     with pytest.raises(Misuse, match="README.md is a file"):
         execute.run(toy, "toy/02-constant", out=toy / "README.md")
