@@ -10,13 +10,10 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from execbook import claims, display, notebooks, reference, runfolder, sources, verdicts
 from execbook.errors import Fault
-
-if TYPE_CHECKING:
-    from nbformat import NotebookNode
 
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
 _NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
@@ -45,8 +42,8 @@ def fill(text: str, root: Path) -> str:
     return _NUMBER.sub(number, _LINE.sub(block, text))
 
 
-def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root: Path, lenient: bool) -> None:
-    """Put the numbers that an executed notebook recorded into its own prose.
+def fill_own(text: str, root: Path, name: str, metrics: claims.Metrics, lenient: bool) -> str:
+    """Put the numbers that the notebook `name` recorded into its own prose.
 
     lenient   a number that it did not record becomes a dash, and those of other notebooks are the book's; else such
               calls stay for staging, which refuses what it cannot find.
@@ -58,9 +55,7 @@ def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root:
             return match[0]
         return _quantity((metrics if own else claims.recorded(root, match[1]) or {}).get(match[2]))
 
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = _NUMBER.sub(number, cell.source)
+    return _NUMBER.sub(number, text)
 
 
 def _quantity(told: Mapping[str, Any] | None) -> str:

@@ -33,6 +33,7 @@ from execbook import (
 from execbook.errors import Fault
 
 if TYPE_CHECKING:
+    from nbclient.exceptions import CellExecutionError
     from nbformat import NotebookNode
 
 _THREADS = (
@@ -55,12 +56,12 @@ class _Job(NamedTuple):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int = 1, setting: str = settings.NATIVE,
-    progress: progress.Progress | None = None, key: str = "", replace: bool = False,
+    threads: int = 1, setting: str = settings.NATIVE, progress: progress.Progress | None = None,
+    key: str = "", replace: bool = False,
 ) -> Path:  # fmt: skip
     """Execute notebook `name` into the folder `out`, replaced only by a whole new one; returns `out`.
 
-    given     parameter values; a path among them is relative to `base` (default: the working directory)
+    given     parameter values; a path among them is relative to the working directory
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
     threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
@@ -73,7 +74,7 @@ def run(
     source = notebooks.read(root, name)
     specification = parameters.specification(source, name)
     values = dict(specification.quick) if quick else {}
-    values |= specification.check(given or {}, base or Path.cwd())
+    values |= specification.check(given or {})
     out = Path(out).resolve()
     variables = settings.environment(setting) | {variable: str(threads) for variable in _THREADS}
     with atomic.explained(out):
@@ -100,11 +101,10 @@ def _run_in(work: Path, job: _Job, page: bool, key: str) -> None:
     """Execute in the folder `work`, and put the finished run into its place."""
     made, failed = work / "run", job.out.with_name(f"{job.out.name}.failed.ipynb")
     with sockets.folder() as talk:
-        executed = _execute(job, made, work, talk)
-    error = _first_error(executed)
+        executed, stopped = _execute(job, made, work, talk)
     notebooks.tidy(executed, job.name)
-    if error is not None:
-        message = f"FAILED {job.name}: {error}"
+    if stopped:
+        message = f"FAILED {job.name}: {stopped}"
         with contextlib.suppress(Fault):  # where even this cannot be written, the error itself is what matters
             notebooks.write(failed, executed)
             message += f"\n  traceback: {failed}"
@@ -114,7 +114,9 @@ def _run_in(work: Path, job: _Job, page: bool, key: str) -> None:
         raise Fault(f"FAILED {job.name}: it ended without nb.finish(), so nothing is recorded.")
     changed = parameters.specification(job.source, job.name).changed(told["parameters"])
     metrics = json.loads((made / "metrics.json").read_text(encoding="utf-8"))
-    blocks.insert_own(executed, job.name, metrics, job.root, lenient=bool(changed))
+    for cell in executed.cells:
+        if cell.cell_type == "markdown":
+            cell.source = blocks.fill_own(cell.source, job.root, job.name, metrics, lenient=bool(changed))
     if changed:
         _warn_of(changed, executed)
     notebooks.write(made / "notebook.ipynb", executed)
@@ -154,7 +156,8 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
     return root / "runs" / name / plain
 
 
-def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
+def _execute(job: _Job, made: Path, work: Path, talk: Path) -> tuple[NotebookNode, str]:
+    """Give the executed notebook, and why it stopped where it did before its end."""
     from jupyter_client.kernelspec import KernelSpec
     from jupyter_client.manager import AsyncKernelManager
     from nbclient import NotebookClient
@@ -205,12 +208,15 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
     )  # fmt: skip
     try:
         with ended, client.setup_kernel(cleanup_kc=True):
-            with contextlib.suppress(CellExecutionError):  # its output says what happened
+            stopped = ""
+            try:
                 for k, cell in enumerate(notebook.cells):
                     client.execute_cell(cell, k)
+            except CellExecutionError as error:
+                stopped = _explain(cell, error)
             told = client.wait_for_reply(client.kc.kernel_info())
             notebook.metadata["language_info"] = told["content"]["language_info"]
-        return notebook
+        return notebook, stopped
     except RuntimeError as error:  # nbclient's DeadKernelError is one
         why = f"the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes."
         raise Fault(f"FAILED {job.name}: {why}") from error
@@ -231,18 +237,14 @@ def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
     notebook.cells.insert(0, new_markdown_cell(words, id="changed"))
 
 
-def _first_error(notebook: NotebookNode) -> str | None:
-    """Say where and why the notebook stopped, with the line of its own code, or give None."""
-    errors = ((c, o) for c in notebook.cells for o in c.get("outputs", []) if o.output_type == "error")
-    for cell, output in errors:
-        said = _ANSI.sub("", output.evalue)
-        text = f"cell [{cell.execution_count}]: {output.ename}: {said}"
-        if output.ename in ("MemoryError", "_ArrayMemoryError"):
-            text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
-        trace = _ANSI.sub("", "\n".join(output.traceback))
-        arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
-        lines = cell.source.splitlines()
-        if arrow and 0 < int(arrow[1]) <= len(lines) and lines[int(arrow[1]) - 1].strip() == arrow[2].strip():
-            text += f"\n  line {arrow[1]}: {arrow[2].strip()}"
-        return text
-    return None
+def _explain(cell: NotebookNode, error: CellExecutionError) -> str:
+    """Say where and why a cell stopped, with the line of its own code."""
+    said = _ANSI.sub("", error.evalue)
+    text = f"cell [{cell.execution_count}]: {error.ename}: {said}"
+    if error.ename in ("MemoryError", "_ArrayMemoryError"):
+        text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
+    arrow = re.search(r"^-+> ?(\d+) (.*)$", _ANSI.sub("", error.traceback), re.M)
+    lines = cell.source.splitlines()
+    if arrow and 0 < int(arrow[1]) <= len(lines) and lines[int(arrow[1]) - 1].strip() == arrow[2].strip():
+        text += f"\n  line {arrow[1]}: {arrow[2].strip()}"
+    return text

@@ -112,11 +112,12 @@ def page_of_run(root: Path, name: str, run: Path) -> str:
     """
     with tempfile.TemporaryDirectory(prefix="execbook-page-") as work:
         site, made = Path(work) / "site", Path(work) / "made"
-        notebook = stage_notebook(name, run, site / "page.files", offer=False)
         metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
-        blocks.insert_own(notebook, name, metrics, root, lenient=True)
-        for cell in notebook.cells:
-            cell.source = _titled(cell.source, root, name) if cell.cell_type == "markdown" else cell.source
+
+        def filled(text: str) -> str:
+            return _titled(blocks.fill_own(text, root, name, metrics, lenient=True), root, name)
+
+        notebook = stage_notebook(name, run, site / "page.files", filled, offer=False)
         if any("{cite" in cell.source for cell in notebook.cells):
             notebook.cells.append(nbformat.v4.new_markdown_cell("```{bibliography}\n```", id="references"))
         nbformat.write(notebook, site / "index.ipynb")

@@ -86,8 +86,11 @@ class Memo:
             except (OSError, ValueError) as error:
                 self.note(f"A kept result was damaged ({error}); computing it anew.")
             result = compute()
+            data = pickle.dumps(result, protocol=5)
             try:
-                _write(entry, result)
+                with atomic.open_whole(entry) as stream:
+                    stream.write(hashlib.sha256(data).digest())
+                    stream.write(data)
             except Fault as error:
                 self.note(f"A result was not kept: {error}")
             else:
@@ -108,13 +111,6 @@ class Memo:
 
 def _used(path: Path) -> float:
     return path.stat().st_mtime if path.exists() else 0.0  # another process may have removed it
-
-
-def _write(path: Path, result: Any) -> None:
-    data = pickle.dumps(result, protocol=5)
-    with atomic.open_whole(path) as stream:
-        stream.write(hashlib.sha256(data).digest())
-        stream.write(data)
 
 
 def _read(path: Path) -> Any:

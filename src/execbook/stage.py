@@ -81,7 +81,7 @@ def stage(root: Path) -> Path:
                 files = target.with_name(f"{target.name}.files")
                 notebook = stage_notebook(page, runs[page], files, partial(fill, root=root))
                 notebook.cells.append(new_markdown_cell(_foot(root, page, runs[page], files)))
-                nbformat.write(_identified(notebook, page), target.with_name(f"{target.name}.ipynb"))
+                nbformat.write(notebooks.tidy(notebook, page), target.with_name(f"{target.name}.ipynb"))
             else:
                 text = fill((book / f"{page}.md").read_text(encoding="utf-8"), root)
                 target.with_name(f"{target.name}.md").write_text(text, encoding="utf-8")
@@ -127,14 +127,8 @@ def stage_notebook(
             else:
                 cells.append(cell)
             cells.extend(new_markdown_cell(text) for text in shown if text is not None)
-    metadata = {key: notebook.metadata[key] for key in ("kernelspec", "language_info") if key in notebook.metadata}
-    return _identified(new_notebook(cells=cells, metadata=metadata), page)
-
-
-def _identified(notebook: NotebookNode, page: str) -> NotebookNode:
-    for number, cell in enumerate(notebook.cells):
-        cell["id"] = f"{page.replace('/', '-')}-{number}"[-64:]
-    return notebook
+    metadata = {key: value for key, value in notebook.metadata.items() if key == "language_info"}
+    return notebooks.tidy(new_notebook(cells=cells, metadata=metadata), page)
 
 
 def _fold(cell: NotebookNode) -> None:
@@ -145,7 +139,6 @@ def _fold(cell: NotebookNode) -> None:
         cell.metadata["mystnb"] = {"code_prompt_show": f"{label}: show", "code_prompt_hide": f"{label}: hide"}
         tags.append("hide-input")
     cell.metadata["tags"] = tags
-    cell.metadata.pop("papermill", None)
 
 
 def _drop_finish(cell: NotebookNode) -> None:

@@ -415,14 +415,9 @@ def test_prose_of_a_page(toy):
 
 
 def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
-    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
-
     def filled(lenient: bool) -> str:
         text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
-        notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
-        blocks.insert_own(notebook, "p/01-a", metrics, tmp_path, lenient)
-        assert notebook.cells[1].source == text
-        return notebook.cells[0].source.replace("\xa0", " ")
+        return blocks.fill_own(text, tmp_path, "p/01-a", metrics, lenient).replace("\xa0", " ")
 
     metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
     book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
