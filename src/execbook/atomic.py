@@ -34,7 +34,7 @@ _WHY = {
 
 @contextmanager
 def explained(path: Path, remedy: str = "") -> Iterator[None]:
-    """Turn an error of the system while `path` is written into a Fault, with the `remedy` if given."""
+    """Turn an error of the system while `path` is written into a Fault, with a `remedy`."""
     try:
         yield
     except OSError as error:
@@ -145,7 +145,7 @@ def unfinished(folder: Path) -> set[str]:
 
 
 def sweep(folder: Path, name: str = "") -> None:
-    """Clear what an interrupted process left directly in `folder`, or of its entry `name` alone.
+    """Clear what an interrupted process left in `folder`, or of its entry `name` alone.
 
     A complete old folder comes back where nothing new stands; what a living process writes stays.
     """

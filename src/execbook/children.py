@@ -1,4 +1,4 @@
-"""Child processes (kernels, Sphinx): each ends, with what it started, when this process ends."""
+"""Child processes (kernels, Sphinx): each ends, with what it started, when we end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _stopping = threading.Event()
 
 @contextmanager
 def guarded(group: int) -> Iterator[None]:
-    """Kill the process group after the block, and when this process is killed: a shell waits for that."""
+    """Kill the process group after the block, and when we are killed: a shell waits for it."""
     command = ["/bin/sh", "-c", _GUARD, str(group)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     guard = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, **quiet)
@@ -47,7 +47,7 @@ def started(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Mark a block for whose end `stop` waits; errors of killed children are a KeyboardInterrupt."""
+    """Mark a block for whose end `stop` waits; errors then are a KeyboardInterrupt."""
     check()
     token = object()
     _blocks.add(token)
@@ -72,7 +72,7 @@ def any_busy() -> bool:
 
 
 def stop(ended: Callable[[], bool] | None = None) -> None:
-    """Kill the children, let no new ones start, and wait until all busy blocks `ended`, or a minute."""
+    """Kill the children, let none start, and wait a minute until all busy blocks `ended`."""
     ended = ended or (lambda: not _blocks)
     end = time.monotonic() + _PATIENCE
     outermost = not _stopping.is_set()
@@ -88,7 +88,7 @@ def stop(ended: Callable[[], bool] | None = None) -> None:
 
 
 def in_parallel(workers: int, action: Callable[[T], None], items: Iterable[T]) -> None:
-    """Call action(item), `workers` at a time; the first error, and Ctrl-C, end the children of all."""
+    """Call action(item), `workers` at a time; the first error, as Ctrl-C, ends them all."""
     pool = ThreadPoolExecutor(workers)
     try:
         for task in [pool.submit(action, item) for item in items]:

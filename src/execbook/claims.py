@@ -1,4 +1,4 @@
-"""The ledger of a paper: every claim that it prints, held against our numbers, with a verdict."""
+"""The ledger of a paper: every claim that it prints, held against our numbers."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Compare(_Strict):
 
 
 class Claim(_Strict):
-    """A number or statement of the paper, how we read it, what decides it, the expected verdict."""
+    """A number or statement of the paper, what decides it, and the expected verdict."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")
     where: str

@@ -177,7 +177,7 @@ def compare(
         Path | None, typer.Option(help="Folder of the page with overlaid figures (default: the first run).")
     ] = None,
 ) -> None:
-    """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
+    """Two runs side by side: numbers, and a page with the figures overlaid, named last."""
     from execbook import compare, runfolder
 
     here = root()
@@ -217,7 +217,7 @@ def reference(
     notebook: Notebooks = None,
     quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
 ) -> None:
-    """Renew the stored references from the book's runs and from runs in other computing settings; show what moved."""
+    """Renew the stored references from runs in all computing settings; show what moved."""
     from execbook import renewal
 
     print(f"{renewal.renew(root(), reason, notebook or None, quick)} numbers moved or are new")
@@ -228,7 +228,7 @@ def portable(
     notebook: Notebooks = None,
     quick: Annotated[bool, typer.Option(help="At the quick scale too.")] = True,
 ) -> None:
-    """Compute notebooks in every setting of this machine and widen the stored spreads to what is seen."""
+    """Widen the stored spreads to what is seen in every computing setting of this machine."""
     from execbook import renewal
 
     print(f"{renewal.widen(root(), notebook or None, quick)} numbers beyond their tolerance so far")

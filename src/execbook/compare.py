@@ -1,4 +1,4 @@
-"""Two runs, or a run and the book: numbers with their differences, figures over each other."""
+"""Two runs, or a run and the book: numbers with differences, figures over each other."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Names of both sides, parameters that differ, the numbers, and the figures that both have."""
+    """Both sides' names, parameters that differ, numbers, and the figures that both have."""
 
     left: str
     right: str

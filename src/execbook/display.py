@@ -1,4 +1,4 @@
-"""How numbers, figures and tables look in a notebook: nothing remote, and a record for the book."""
+"""How numbers, figures and tables look in a notebook, with a record for the book."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Give a number for readers, as in `−1.234` or `1.234 × 10⁻⁷`, with so many significant digits."""
+    """Give a number for readers, as in `−1.234` or `1.234 × 10⁻⁷`, with so many digits."""
     if isinstance(value, numbers.Integral):
         return str(value).replace("-", "−")
     if not math.isfinite(value):
@@ -48,7 +48,7 @@ def _power(exponent: int) -> str:
 
 
 def cell(value: Any, form: str | None = None) -> str:
-    """Give the text of a table's cell: a number by `form` (a format) or by `number`; None as a dash."""
+    """Give the text of a table's cell: a number by `form` or `number`, None as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):

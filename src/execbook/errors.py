@@ -1,4 +1,4 @@
-"""Errors for the reader: one sentence with the value, where it stood, and what would be right."""
+"""Errors for the reader: one sentence with the value, its place, and what would be right."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def run(
     threads: int = 1, setting: str = settings.NATIVE, progress: progress.Progress | None = None,
     key: str = "", replace: bool = False,
 ) -> Path:  # fmt: skip
-    """Execute notebook `name` into the folder `out`, replaced only by a whole new one; returns `out`.
+    """Execute a notebook into the folder `out`, replaced only by a whole one; returns `out`.
 
     given     parameter values; a path among them is relative to the working directory
     quick     start from the values of the cell tagged `quick` in place of the paper's
@@ -226,7 +226,7 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> tuple[NotebookNod
 
 
 def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
-    """Say above a run which parameters differ from the paper's, in HTML that every viewer shows."""
+    """Say above a run which parameters differ from the paper's, in HTML for every viewer."""
     from nbformat.v4 import new_markdown_cell
 
     told = html.escape(", ".join(f"{name}={value}" for name, value in changed.items()))

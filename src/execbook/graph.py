@@ -1,4 +1,4 @@
-"""The build of the book: notebooks whose inputs changed are executed, then the pages are made.
+"""The build of the book: notebooks whose inputs changed are executed, then pages made.
 
 What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of
 every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed and made anew.
@@ -27,7 +27,7 @@ WORKERS = 2
 
 @dataclass
 class Outcome:
-    """What a build did: notebooks executed or up to date, messages of what failed, and the book."""
+    """What a build did: notebooks executed or up to date, messages of failures, the book."""
 
     executed: list[str] = field(default_factory=list)
     fresh: list[str] = field(default_factory=list)

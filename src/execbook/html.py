@@ -1,4 +1,4 @@
-"""Sphinx: the book as HTML in place of the last good one, and a run as a page that loads nothing."""
+"""Sphinx: the book in place of the last good one, and a run as a page of its own."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ aside.changed { border-color: #d55e00; background: #fdf3ec; }
 
 
 def build(root: Path) -> Path:
-    """Build `book/_build/html/` from `book/_build/site/`, nit-picky and with warnings as errors.
+    """Build `book/_build/html/` from `book/_build/site/`; a warning is an error.
 
     Nothing is done where the book was made from the same sources by the same versions, and no file of it is damaged or
     gone since. Returns the folder of the book. Raises Fault with Sphinx's warnings, of which `book/_build/html.log` has
@@ -74,7 +74,7 @@ def build(root: Path) -> Path:
 
 
 def _content_key(site: Path) -> str:
-    """Hash the staged sources, this module and the versions of the tools that make HTML of them."""
+    """Hash the staged sources, this module and the versions of the tools that make HTML."""
     parts = [atomic.sha256(Path(__file__)), *(f"{name}=={version(name)}" for name in _ENGINE)]
     parts += [f"{name} {digest}" for name, digest in atomic.digests(site, "").items()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -92,7 +92,7 @@ def _jupyter_book(site: Path, work: Path, log: Path) -> Path:
     found = [line for line in lines if re.search(r"\b(WARNING|ERROR|CRITICAL|SEVERE)\b", line)]
     shown = "\n".join(found[:_SHOWN] or lines[-_SHOWN:])
     more = f"\n... and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
-    raise Fault(f"The book was not made (the last good one stays); Sphinx said:\n{shown}{more}\nAll: {log}")
+    raise Fault(f"The book was not made (the last good one stays); Sphinx said:\n{shown}{more}\nThe whole is in {log}.")
 
 
 def _python(*words: str | Path) -> tuple[int, str]:

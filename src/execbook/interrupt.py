@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: children end, what was begun is cleared, one sentence is said."""
+"""Ctrl-C, SIGTERM and SIGHUP: children end, what was begun is cleared, we say so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Heavy results kept on disk, keyed by arguments, computing setting and the code behind them.
+"""Heavy results kept on disk, keyed by arguments, computing setting and code.
 
 `joblib.Memory` keys a result by the source of the one function, gives wrong numbers after a flipped bit, and lets two
 processes that ask at once both compute. Its hash of arguments is used here, with a key, a digest and a lock of our own.
@@ -64,7 +64,7 @@ class Memo:
         return module.partition(".")[0] == self.package and sources.module_path(module) is not None
 
     def _stable(self, value: Any) -> Any:
-        """Give what stands for an argument in the key: the code of a function, the bytes of a file."""
+        """Give what stands for an argument in the key: a function's code, a file's bytes."""
         if callable(value) and self._is_known(getattr(value, "__module__", None) or ""):
             return ("function", value.__module__, value.__qualname__, sources.code_hash({value.__module__}))
         return ("file", atomic.sha256(value)) if isinstance(value, Path) and value.is_file() else value

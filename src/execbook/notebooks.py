@@ -26,7 +26,7 @@ def names(root: Path) -> list[str]:
 
 
 def source_path(root: Path, name: str) -> Path:
-    """Give the source of a notebook; raises Misuse, with the nearest names, for any other word."""
+    """Give the source of a notebook; raises Misuse, with near names, for any other word."""
     path = _pages(root).get(name)
     if path is not None and _is_notebook(path):
         return path

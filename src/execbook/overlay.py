@@ -1,4 +1,4 @@
-"""The data of a figure from two runs in one image: curves, tracks, or maps with a difference."""
+"""The data of a figure from two runs in one image: curves, tracks, or maps."""
 
 from __future__ import annotations
 

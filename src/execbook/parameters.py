@@ -43,7 +43,7 @@ class Interval(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One parameter: type from the default; unit, interval or choices, and help from the comment."""
+    """One parameter: type from the default; unit, range and help from the comment."""
 
     name: str
     kind: str
@@ -218,7 +218,7 @@ def load(root: Path, name: str) -> Specification:
 
 
 def specification(notebook: NotebookNode, name: str) -> Specification:
-    """Read the cells tagged `parameters` and `quick`; raises Fault, with the line, for wrong ones."""
+    """Read the cells tagged `parameters` and `quick`; raises Fault for malformed ones."""
     try:
         source, quick = notebooks.tagged(notebook, "parameters"), notebooks.tagged(notebook, "quick")
         spec = Specification(name, {p.name: p for p in _read_cell(source or "")}, {})

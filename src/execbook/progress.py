@@ -1,4 +1,4 @@
-"""How far a running notebook is: what its kernel reports, and what the command displays of it."""
+"""How far a running notebook is: what its kernel reports, and the command displays."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class Display:
 
 
 def _loop(report: dict[str, Any]) -> str:
-    """Give words on the loop that runs, if one does: `, normal equations 42 %, about 4 min to go`."""
+    """Give words on the loop that runs, if one does: `, orbits 42 %, about 4 min to go`."""
     if not report.get("what") or report["share"] >= 1.0:
         return ""
     left = f", {duration(report['left'])} to go" if report["left"] is not None else ""

@@ -1,4 +1,4 @@
-"""Where numbers come from: versions, commit, data and machine; no names of hosts or places."""
+"""Where numbers come from: versions, commit, data, machine; no names of hosts."""
 
 from __future__ import annotations
 

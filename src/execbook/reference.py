@@ -1,4 +1,4 @@
-"""Stored references of recorded numbers and arrays, with their spread over computing settings.
+"""Stored references of recorded numbers and arrays, with their spread over settings.
 
 `tests/reference/<paper>/<notebook>.json` (paper scale) and `.quick.json` hold key -> {value, unit, spread}; arrays are
 sampled into the `.npz` beside and have {shape, stride, unit, spread}. `largest` is the largest magnitude seen of what
@@ -49,7 +49,7 @@ class Anchor(Tolerance):
 
 
 class Guard(Tolerance):
-    """A tolerance for keys of one notebook (a pattern with `*`) that the rule does not fit, and why."""
+    """A tolerance for keys (a pattern with `*`) that the rule does not fit, and why."""
 
     notebook: str
     mode: Literal["quick", "paper"] | None = None
@@ -93,7 +93,7 @@ def path_of(root: Path, name: str, mode: str) -> Path:
 
 
 def load(root: Path, name: str, mode: str) -> tuple[dict[str, dict[str, Any]], dict[str, np.ndarray]]:
-    """Read the stored entries and array samples of a notebook; raises Fault where there are none."""
+    """Read stored entries and array samples; raises Fault where there are none."""
     path = path_of(root, name, mode)
     where = path.relative_to(root)
     if not path.is_file():
@@ -109,7 +109,7 @@ def load(root: Path, name: str, mode: str) -> tuple[dict[str, dict[str, Any]], d
 
 
 def differences(root: Path, folder: Path, mode: str | None = None) -> list[Difference]:
-    """Hold the run in `folder` against the stored reference and anchors of its scale, or of `mode`.
+    """Hold a run against the stored reference and anchors of its scale, or of `mode`.
 
     Raises Fault where there is no reference.
     """

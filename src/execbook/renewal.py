@@ -36,7 +36,7 @@ _SAMPLES = 400  # values of one array that are stored
 
 
 def renew(root: Path, reason: str, names: Sequence[str] | None = None, quick: bool = True) -> int:
-    """Renew the references of `names`, print what moved, note the reason; gives how many moved.
+    """Renew the references of `names`, print what moved, note the reason; gives how many.
 
     Raises Misuse where the reason is empty, or a notebook's run in the book is not from the present sources.
     """

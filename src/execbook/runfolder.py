@@ -51,7 +51,7 @@ def run_folder(root: Path, name: str) -> Path:
 
 
 def provenance(folder: Path) -> dict[str, Any] | None:
-    """Read what a run of our own tells of itself, or give None where nothing stands in the folder."""
+    """Read what a run of our own tells of itself, or give None where there is none."""
     path = folder / _PROVENANCE
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
@@ -138,7 +138,7 @@ def _files(folder: Path) -> Iterator[str]:
 
 
 def chosen(out: Path, root: Path) -> Path:
-    """Give a folder that a user names, absolute; raises Misuse for one that must not be written."""
+    """Give a user's folder, absolute; raises Misuse for one that must not be written."""
     try:
         folder = out.resolve()
         with suppress(FileNotFoundError, NotADirectoryError):

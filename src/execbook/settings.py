@@ -55,7 +55,7 @@ def _extensions() -> list[str]:
 
 @functools.cache
 def present() -> dict[str, Any]:
-    """Describe what this process computes with: BLAS and threads, numba's target, NumPy's `exp`."""
+    """Describe what this process computes with: BLAS, threads, numba's target, `exp`."""
     from llvmlite import binding
 
     kernel, threads = _blas()

@@ -1,4 +1,4 @@
-"""Sockets to talk to a kernel: files, so that no network is needed and nobody else listens."""
+"""Sockets to talk to a kernel: files, without a network and with nobody listening."""
 
 from __future__ import annotations
 

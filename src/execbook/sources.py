@@ -1,4 +1,4 @@
-"""The code behind a result: a hash of modules and of all that they import of their packages.
+"""The code behind a result: a hash of modules and all that they import of their own.
 
 The memo of heavy results and the cache of executed notebooks ask it whether the code is still the one they know.
 """

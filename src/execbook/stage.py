@@ -52,7 +52,7 @@ From a clone of the project ([how](/practice/rerun.md)), with {which} changed:
 
 
 def stage(root: Path) -> Path:
-    """Write `book/_build/site/` from the pages of `book/_toc.yml` and the runs; returns that folder.
+    """Write `book/_build/site/` from the pages of `book/_toc.yml` and the runs; returns it.
 
     The folder appears whole or not at all, and holds nothing of pages that left the book. Raises Fault where a page, a
     run or a part of a run is missing.
@@ -91,7 +91,7 @@ def stage(root: Path) -> Path:
 
 @contextmanager
 def alone(target: Path) -> Iterator[None]:
-    """Make a folder of `book/_build` while no other process does; what a killed one left there goes."""
+    """Make a folder of `book/_build` while no other process does, and clear what it leaves."""
     with locked(target.parent / ".book.lock"), children.busy():
         sweep(target.parent)
         try:
@@ -142,7 +142,7 @@ def _fold(cell: NotebookNode) -> None:
 
 
 def _drop_finish(cell: NotebookNode) -> None:
-    """Take `nb.finish()` and the line that it prints out of the last cell: they say nothing to a reader."""
+    """Take `nb.finish()` and the line that it prints out of the last cell."""
     *lines, last = cell.source.rstrip().splitlines() or [""]
     if last != "nb.finish()":
         return
@@ -154,7 +154,7 @@ def _drop_finish(cell: NotebookNode) -> None:
 
 
 def _is_bare(cell: NotebookNode) -> bool:
-    """Tell whether a cell is folded code with nothing shown below it, so that the next one joins it."""
+    """Tell whether a cell is folded code with nothing shown below, which the next one joins."""
     return cell.cell_type == "code" and "hide-input" in cell.metadata.tags and not cell.outputs
 
 
@@ -193,7 +193,7 @@ def _directive(page: str, output: NotebookNode, run: Path, files: Path, offer: b
 
 
 def label(page: str, name: str) -> str:
-    """Give the label of a figure or table: its name; the table of `nb.verdicts()` takes the page's."""
+    """Give the label of a figure or table: its name, or the page's for a table of verdicts."""
     return f"verdicts-{page.replace('/', '-')}" if _of_verdicts(name) else name
 
 
@@ -207,7 +207,7 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def _foot(root: Path, page: str, run: Path, files: Path) -> str:
-    """Give the foot of a page: how to rerun it, what it offers (copied into `files`), how it was made."""
+    """Give the foot of a page: how to rerun it, what it offers in `files`, how it was made."""
     shown = list(parameters.load(root, page).parameters.values())
     stem, offers = page.rpartition("/")[2], []
     for name, what in _OFFERED.items():

@@ -6,8 +6,7 @@ The rule, for a stored value v whose spread s is the largest difference between 
     else           |ours - v| <= r |v|, with r = 30 s / |v| rounded up to a power of ten, at least 1e-9
 
 A few settings are a small sample, and by luck a number may have come out nearly alike in all of them. A number that
-moves at all therefore has at least a tenth of the median s / |v| of its notebook, or thirty times its own where that
-is less.
+moves at all therefore has at least a tenth of the median s / |v| of its notebook, but at most thirty times its own.
 
 An array is judged by its largest element. `tests/reference/<paper>/guards.yml` declares the keys that the rule does not
 fit (chaotic ones, arguments of a maximum, times), each with a reason.
@@ -88,7 +87,7 @@ def is_rounding(size: float, spread: float) -> bool:
 
 
 def usual_spread(numbers: Iterable[tuple[float | None, float]]) -> float:
-    """Give the median s / |v| of the numbers (v, s) that move and are not rounding; 0 without any."""
+    """Give the median s / |v| of the numbers (v, s) that move and are not rounding, or 0."""
     sized = [(abs(value), spread) for value, spread in numbers if value]
     moving = [spread / size for size, spread in sized if spread > _FIXED * size and not is_rounding(size, spread)]
     return median(moving) if moving else 0.0

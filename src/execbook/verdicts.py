@@ -62,7 +62,7 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
 
 
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
-    """Give the ledger of a paper with our numbers and verdicts; `expected` is the file's verdict."""
+    """Give the ledger of a paper with our numbers and verdicts beside the `expected` ones."""
     found = []
     for claim, ours, verdict, why, margin in judge_paper(root, paper):
         entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
@@ -88,7 +88,7 @@ def readme_with_block(root: Path) -> str:
 
 
 def readme_agrees(root: Path) -> bool:
-    """Tell whether the README's block is what the ledgers say, which nothing is until all is computed."""
+    """Tell whether the README's block is what the ledgers say; nothing is, until computed."""
     return _not_computed(root) > 0 or readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")
 
 

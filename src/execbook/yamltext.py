@@ -11,8 +11,7 @@ from ruamel.yaml.error import YAMLError
 def parse(text: str) -> Any:
     """Give the value of a YAML text; raises ValueError, with the place, for what is wrong.
 
-    A key given twice is refused, and so are anchors, aliases, tags and deep nesting, a few bytes of which can fill the
-    memory.
+    A key given twice is refused, and so are anchors, aliases, tags and deep nesting: a few bytes can fill the memory.
     """
     try:
         for event in YAML(typ="safe", pure=True).parse(text) if {"&", "*", "!"} & set(text) else ():
