@@ -96,7 +96,7 @@ def run(
     runfolder.refuse_foreign(folder)
     with Display() as display, display.notebook(notebook) as progress:
         folder = execute.run(here, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
-        for note in execute.notes(folder):
+        for note in runfolder.provenance(folder)["notes"]:
             display.say(note)
     print(folder)
 

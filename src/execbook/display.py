@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import base64
 import html
+import io
 import math
 import numbers
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tabulate import tabulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIGURE_TYPE = "application/vnd.execbook.figure+json"
 TABLE_TYPE = "application/vnd.execbook.table+json"
@@ -62,6 +66,16 @@ def cell(value: Any, form: str | None = None) -> str:
     return mantissa.replace("-", "−") + (_power(int(exponent)) if e else "")
 
 
+def as_png(figure: Figure, dpi: float) -> bytes:
+    """Give a figure as an image, of the same figure always the same bytes, and close it."""
+    import matplotlib.pyplot as plt
+
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    plt.close(figure)
+    return buffer.getvalue()
+
+
 def figure_bundle(record: Mapping[str, Any], png: bytes) -> dict[str, Any]:
     """Make the MIME bundle of a figure; `record` has name, caption, alt, width (px) and files."""
     text = (
@@ -110,12 +124,10 @@ def line(text: object) -> str:
 
 def show(bundle: Mapping[str, Any]) -> None:
     """Display a bundle in a notebook, or print its text elsewhere."""
-    try:
-        from IPython import get_ipython
-        from IPython.display import display
-    except ImportError:
-        get_ipython = None
-    if get_ipython is None or get_ipython() is None:
+    from IPython import get_ipython
+    from IPython.display import display
+
+    if get_ipython() is None:
         print(bundle["text/plain"])
     else:
         display(dict(bundle), raw=True)

@@ -142,11 +142,6 @@ def _lock_of(root: Path, out: Path) -> Path:
     return root / ".cache" / "locks" / f"{hashlib.sha256(str(out.resolve()).encode()).hexdigest()[:16]}.lock"
 
 
-def notes(folder: Path) -> list[str]:
-    """List what the machinery had to say about a run, such as a damaged result made anew."""
-    return (runfolder.provenance(folder) or {}).get("notes", [])
-
-
 def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
     """Give `runs/<paper>/<notebook>/<what was asked>`, such as `quick+days=5.0`."""
     text = "+".join(["quick"] * quick + [f"{key}={value}" for key, value in sorted(given.items())]) or "paper"

@@ -75,7 +75,7 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
             with display.notebook(name) as progress:
                 execute.run(root, name, out=out, page=False, progress=progress, key=keys[name], replace=True)
                 _publish_metrics(root, name)
-            for note in execute.notes(out):
+            for note in runfolder.provenance(out)["notes"]:
                 display.say(f"{name}: {note}")
             outcome.executed.append(name)
 

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from importlib.metadata import PackageNotFoundError, distribution, version
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import nbformat
@@ -151,11 +151,8 @@ def _titled(text: str, root: Path, name: str) -> str:
 
 
 def _mathjax() -> str:
-    """Give MathJax 3 with its glyphs as one script, or nothing where the package is missing."""
-    try:
-        package = distribution("sphinx-mathjax-offline")
-    except PackageNotFoundError:
-        return ""
+    """Give MathJax 3 with its glyphs as one script."""
+    package = distribution("sphinx-mathjax-offline")
     path = Path(str(package.locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg.js")))
     settings = 'window.MathJax = {tex: {inlineMath: [["\\\\(", "\\\\)"]]}, options: {enableMenu: false}};\n'
     # without the host that it would ask for speech on request

@@ -22,29 +22,29 @@ _MARK = "execbook"
 
 def names(root: Path) -> list[str]:
     """List the names `<paper>/<notebook>` of the notebooks, in the order of the book."""
-    return sorted((name for name, path in _pages(root).items() if _is_notebook(path)), key=contents.order(root))
+    return sorted(_sources(root), key=contents.order(root))
 
 
 def source_path(root: Path, name: str) -> Path:
     """Give the source of a notebook; raises Misuse, with near names, for any other word."""
-    path = _pages(root).get(name)
-    if path is not None and _is_notebook(path):
-        return path
-    known = names(root)
+    known = _sources(root)
+    if name in known:
+        return known[name]
     near = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.7)
-    near = near or [known for known in known if name in known]
+    near = near or [other for other in sorted(known) if name in other]
     hint = f"did you mean {' or '.join(near[:3])}?" if near else "the command list names them."
     raise Misuse(f"{shown(repr(name), 100)} is no notebook of the book in {root}; {hint}")
 
 
-def _pages(root: Path) -> dict[str, Path]:
-    files = (root / "book").glob("*/*.md")
-    return {f"{p.parent.name}/{p.stem}": p for p in files if not p.parent.name.startswith(("_", "."))}
-
-
-def _is_notebook(path: Path) -> bool:
-    header = _HEADER.match(path.read_text(encoding="utf-8"))
-    return bool(header and re.search(r"^(jupytext|kernelspec):", header[1], re.M))
+def _sources(root: Path) -> dict[str, Path]:
+    """Give the MyST files with a jupytext header, by name."""
+    files = [p for p in (root / "book").glob("*/*.md") if not p.parent.name.startswith(("_", "."))]
+    headers = ((path, _HEADER.match(path.read_text(encoding="utf-8"))) for path in files)
+    return {
+        f"{path.parent.name}/{path.stem}": path
+        for path, header in headers
+        if header and re.search(r"^(jupytext|kernelspec):", header[1], re.M)
+    }
 
 
 def read(root: Path, name: str) -> NotebookNode:

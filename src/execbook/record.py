@@ -165,17 +165,12 @@ class Notebook:
         display.show(display.figure_bundle(record, images[0]))
 
     def _draw(self, name: str, theme: str, draw: Callable[..., Any], args: Any, kwargs: Any) -> tuple[bytes, int]:
-        import matplotlib.pyplot as plt
-
-        buffer = io.BytesIO()
         with project.theme(self._root, theme):
             figure = draw(*args, **kwargs)
             if not hasattr(figure, "savefig"):
                 given, kind = getattr(draw, "__name__", draw), type(figure).__name__
                 raise Fault(f"{given} gave {kind} for figure {name}; it must return a matplotlib Figure.")
-            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})  # same figure, same bytes
-            plt.close(figure)
-        return buffer.getvalue(), round(float(figure.get_size_inches()[0]) * 100)
+            return display.as_png(figure, DPI), round(float(figure.get_size_inches()[0]) * 100)
 
     def table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]], caption: str,

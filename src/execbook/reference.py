@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import TypeAdapter, ValidationError, model_validator
 
-from execbook import tolerance, yamltext
+from execbook import display, tolerance, yamltext
 from execbook.errors import Fault, explain
 from execbook.runfolder import read as read_run
 from execbook.tolerance import Tolerance
@@ -33,6 +33,12 @@ class Difference(NamedTuple):
     unit: str
     problem: str  # empty where the two agree
     source: str = ""
+
+    def __str__(self) -> str:
+        stored, ours = ("nothing" if v is None else display.number(v, 7) for v in (self.stored, self.ours))
+        unit = f" {self.unit}" if self.unit else ""
+        wanted = f"its anchor ({self.source}) is" if self.source else "stored is"
+        return f"{self.key}: {ours}{unit}, {wanted} {stored}{unit}: {self.problem}."
 
 
 class Anchor(Tolerance):

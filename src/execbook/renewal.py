@@ -15,7 +15,6 @@ import numpy as np
 
 from execbook import (
     atomic,
-    check,
     children,
     claims,
     execute,
@@ -72,7 +71,7 @@ def _settle(root: Path, names: Sequence[str] | None, quick: bool, moves: bool) -
         beyond = [] if moves else [(s, d) for s, f in folders.items() for d in _problems(root, f)]
         stored = [(settings.NATIVE, d) for d in store(root, folders, moves)]
         for setting, difference in stored if moves else beyond:
-            sys.stdout.write(f"{name} ({mode}, {setting}) {check.describe(difference)}\n")
+            sys.stdout.write(f"{name} ({mode}, {setting}) {difference}\n")
             count += 1
     return count
 
