@@ -31,6 +31,7 @@ from execbook import (
     sockets,
 )
 from execbook.errors import Fault
+from execbook.html import page_of_run
 
 if TYPE_CHECKING:
     from nbclient.exceptions import CellExecutionError
@@ -121,8 +122,6 @@ def _run_in(work: Path, job: _Job, page: bool, key: str) -> None:
         _warn_of(changed, executed)
     notebooks.write(made / "notebook.ipynb", executed)
     if page:
-        from execbook.html import page_of_run
-
         atomic.write_text(made / "page.html", page_of_run(job.root, job.name, made))
     told |= {"key": key, "files": atomic.digests(made, "provenance.json")}
     atomic.write_json(made / "provenance.json", told)

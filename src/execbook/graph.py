@@ -17,7 +17,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from execbook import atomic, children, claims, execute, notebooks, project, runfolder, sources
+from execbook import atomic, children, claims, execute, notebooks, project, runfolder, sources, stage
+from execbook import html as sphinx
 from execbook.errors import Fault
 from execbook.progress import Display
 from execbook.runfolder import run_folder
@@ -83,9 +84,6 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     longest_first = sorted(stale, key=lambda name: -_seconds(root, name))  # so that two workers end together
     children.in_parallel(workers, execute_one, longest_first)
     if html and not failed:
-        from execbook import html as sphinx
-        from execbook import stage
-
         with apart("book"):
             stage.stage(root)
             outcome.book = sphinx.build(root)

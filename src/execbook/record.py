@@ -14,17 +14,14 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from execbook import atomic, display, parameters, progress, project, provenance, runfolder
+from execbook import atomic, claims, display, parameters, progress, project, provenance, runfolder, verdicts
 from execbook.errors import Fault
 from execbook.memo import Memo
-
-if TYPE_CHECKING:
-    from execbook.claims import Claim
 
 T = TypeVar("T")
 OUT = "EXECBOOK_OUT"
@@ -199,16 +196,12 @@ class Notebook:
         self._shown[name] = "tables"
         display.show(display.table_bundle(record))
 
-    def claims(self) -> list[Claim]:
+    def claims(self) -> list[claims.Claim]:
         """List the claims of the paper's ledger that this notebook's numbers decide."""
-        from execbook import claims
-
         return claims.decided_by(self._root, self.name)
 
     def printed(self, claim: str) -> float:
         """Give the number that the paper prints, as we read it; raises Fault where there is none."""
-        from execbook import claims
-
         paper = self.name.partition("/")[0]
         for entry in claims.ledger(self._root, paper):
             if entry.id == claim and entry.reference is not None:
@@ -217,8 +210,6 @@ class Notebook:
 
     def verdicts(self) -> None:
         """Show the claims that this notebook decides; only the paper's own parameters are judged."""
-        from execbook import verdicts
-
         judged = self.mode == "paper"
         header, rows, caption = verdicts.of_notebook(self._root, self.name, self._metrics, judged)
         if rows:
