@@ -59,8 +59,8 @@ def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) ->
 
 def test_the_reason_of_a_verdict_stands_below_the_claim(toy_root: Path) -> None:
     assert (
-        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n| :--- | :--- | :--- |\n"
-        "| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
+        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n"
+        "| :--- | :--- | :--- |\n| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
     ) in text(toy_root, "markdown")
 
 
