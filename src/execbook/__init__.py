@@ -1,4 +1,4 @@
-"""The machinery of an executable book: parameters, execution, records, claims and the command line."""
+"""The machinery of an executable book: parameters, runs, records, claims and the command."""
 
 from __future__ import annotations
 

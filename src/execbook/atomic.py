@@ -34,7 +34,7 @@ _WHY = {
 
 @contextmanager
 def explained(path: Path, remedy: str = "") -> Iterator[None]:
-    """Turn an error of the system while `path` is written into one sentence (Fault), with the `remedy` if given."""
+    """Turn an error of the system while `path` is written into a Fault, with a `remedy`."""
     try:
         yield
     except OSError as error:
@@ -92,7 +92,7 @@ def partial_path(path: Path) -> Path:
 
 @contextmanager
 def open_whole(path: Path) -> Iterator[BinaryIO]:
-    """Open a binary stream whose contents appear as `path` when the block ends without an error."""
+    """Open a stream of bytes that appear as `path` when the block ends without an error."""
     partial = partial_path(path)
     with explained(path), busy():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -113,9 +113,14 @@ def write_text(path: Path, text: str) -> None:
         stream.write(text.encode())
 
 
+def as_json(value: Any) -> str:
+    """Give a value as the text of a JSON file; raises ValueError where a number is not finite."""
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
 def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file whole or not at all; raises ValueError for a value that is not a number."""
-    write_text(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write a JSON file whole or not at all; raises ValueError where a number is not finite."""
+    write_text(path, as_json(value))
 
 
 def swap_folder(complete: Path, target: Path) -> None:
@@ -140,7 +145,7 @@ def unfinished(folder: Path) -> set[str]:
 
 
 def sweep(folder: Path, name: str = "") -> None:
-    """Clear what an interrupted process left directly in `folder` (only of the entry `name`, where given).
+    """Clear what an interrupted process left in `folder`, or of its entry `name` alone.
 
     A complete old folder comes back where nothing new stands; what a living process writes stays.
     """

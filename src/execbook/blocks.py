@@ -6,48 +6,44 @@ A block is called by a line `<!-- NAME -->` or `<!-- NAME: ARGUMENT -->`, a reco
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from execbook import claims, display, notebooks, reference, sources, verdicts
+from execbook import claims, display, notebooks, reference, runfolder, sources, verdicts
 from execbook.errors import Fault
-
-if TYPE_CHECKING:
-    from nbformat import NotebookNode
 
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
 _NUMBER = re.compile(r"\[\[([a-z0-9-]+/[a-z0-9-]+):([^\]\s]+)\]\]")
 
 
 def fill(text: str, root: Path) -> str:
-    """Replace each call of a block or number; raises Fault for a wrong number of arguments or an unknown number."""
+    """Replace each call of a block or number; raises Fault for one that is wrong or unknown."""
 
     def block(match: re.Match[str]) -> str:
         name, argument = match.groups()
         if name not in BLOCKS:
-            return match.group(0)  # an ordinary comment
+            return match[0]  # an ordinary comment
         make, wanted = BLOCKS[name]
         if bool(argument) != bool(wanted):
             right = f"<!-- {name}: {wanted} -->" if wanted else f"<!-- {name} -->"
-            raise Fault(f"{match.group(0).strip()} is no block; write {right}.")
+            raise Fault(f"{match[0].strip()} is no block; write {right}.")
         return f"\n{make(root, argument) if wanted else make(root)}\n"
 
     def number(match: re.Match[str]) -> str:
-        notebook, key = match.groups()
-        metrics = claims.recorded(root, notebook) or {}
-        if key not in metrics:
+        metrics = claims.recorded(root, match[1]) or {}
+        if match[2] not in metrics:
             there = ", ".join(metrics) or "nothing yet"
-            raise Fault(f"{match[0]} names no recorded number; {notebook} records {there}.")
-        return display.quantity(metrics[key]["value"], metrics[key]["unit"], 3)
+            raise Fault(f"{match[0]} names no recorded number; {match[1]} records {there}.")
+        return _quantity(metrics[match[2]])
 
     return _NUMBER.sub(number, _LINE.sub(block, text))
 
 
-def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root: Path, lenient: bool) -> None:
-    """Put the numbers that an executed notebook recorded into its own prose, so that the run reads well by itself.
+def fill_own(text: str, root: Path, name: str, metrics: claims.Metrics, lenient: bool) -> str:
+    """Put the numbers that the notebook `name` recorded into its own prose.
 
     lenient   a number that it did not record becomes a dash, and those of other notebooks are the book's; else such
               calls stay for staging, which refuses what it cannot find.
@@ -57,35 +53,35 @@ def insert_own(notebook: NotebookNode, name: str, metrics: claims.Metrics, root:
         own = match[1] == name
         if not lenient and not (own and match[2] in metrics):
             return match[0]
-        told = (metrics if own else claims.recorded(root, match[1]) or {}).get(match[2])
-        return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
+        return _quantity((metrics if own else claims.recorded(root, match[1]) or {}).get(match[2]))
 
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = _NUMBER.sub(number, cell.source)
+    return _NUMBER.sub(number, text)
+
+
+def _quantity(told: Mapping[str, Any] | None) -> str:
+    return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
+
+
+def table_directive(caption: str, label: str, table: str) -> str:
+    """Give a Markdown table with a caption, to which {numref} can refer by its label."""
+    return f"```{{table}} {caption}\n:name: {label}\n\n{table}\n```\n"
 
 
 def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Give claims in columns that fit a page: the reason of a verdict stands small below what the paper says."""
-    shown = [name for name in header if name != "Why"]
-    lines = []
+    """Give claims in columns that fit a page: a reason stands small below what the paper says."""
+    shown, lines = [name for name in header if name != "Why"], []
     for row in rows:
-        told = {name: _plain(text) for name, text in zip(header, row, strict=True)}
+        told = dict(zip(header, (re.sub(r"([\\*_\[\]<>$\{}#~^`])", r"\\\1", text) for text in row), strict=True))
         if why := told.pop("Why", ""):
             told[shown[0]] += f"<br><small>{why}</small>"
-        lines.append(f"| {' | '.join(told[name] for name in shown)} |")
-    return "\n".join([f"| {' | '.join(shown)} |", f"|{' --- |' * len(shown)}", *lines])
-
-
-def _plain(text: str) -> str:
-    """Give a text on one line (its no-break spaces kept) with its markup characters escaped."""
-    return re.sub(r"([\\*_\[\]<>$|{}#~^`])", r"\\\1", re.sub(r"[ \t\r\n]+", " ", text))
+        lines.append(list(told.values()))
+    return display.markdown_table(shown, lines)
 
 
 def _verdicts(root: Path, paper: str) -> str:
     rows = [verdicts.row(judgement) for judgement in claims.judge_paper(root, paper)]
     caption = "Every number and claim that the paper prints, and what this build found."
-    return f"```{{table}} {caption}\n:name: claims-{paper}\n\n{claims_table(verdicts.HEADER, rows)}\n```\n"
+    return table_directive(caption, f"claims-{paper}", claims_table(verdicts.HEADER, rows))
 
 
 def _near_claims(root: Path) -> str:
@@ -96,8 +92,9 @@ def _near_claims(root: Path) -> str:
         says, _, ours, verdict, why = verdicts.row(judged)
         rows.append([says, ours, verdict, f"{100 * judged.margin:.2g} %", why])
     table = claims_table(["The paper says", "Ours", "Verdict", "Distance", "Why"], rows)
-    caption = f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them."
-    return f"```{{table}} {caption}\n:name: claims-near\n\n{table}\n```\n"
+    return table_directive(
+        f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them.", "claims-near", table
+    )
 
 
 def _guards(root: Path) -> str:
@@ -109,22 +106,18 @@ def _guards(root: Path) -> str:
 
 def _run_times(root: Path) -> str:
     """List the time that each notebook took in this build, with the sum of each part."""
-    rows: list[list[str]] = []
-    totals: dict[str, float] = {}
+    rows, totals = [], Counter()
     for name in notebooks.names(root):
-        path = root / "book" / "_build" / "runs" / name / "provenance.json"
-        if path.is_file():
-            seconds = json.loads(path.read_text(encoding="utf-8"))["seconds"]
-            paper = name.partition("/")[0]
-            totals[paper] = totals.get(paper, 0.0) + seconds
-            rows.append([f"{{doc}}`/{name}`", f"{seconds:.1f}"])
+        if told := runfolder.provenance(runfolder.run_folder(root, name)):
+            totals[name.partition("/")[0]] += told["seconds"]
+            rows.append([f"{{doc}}`/{name}`", f"{told['seconds']:.1f}"])
     rows += [[f"all of {{doc}}`/{paper}/index`", f"{total:.1f}"] for paper, total in totals.items()]
-    rows.append(["the whole book", f"{sum(totals.values()):.1f}"])
+    rows.append(["the whole book", f"{totals.total():.1f}"])
     return display.markdown_table(["notebook", "seconds"], rows, ["left", "right"])
 
 
 def _api(root: Path, package: str) -> str:
-    """Document the modules that stand directly in a package, by autodoc, below a line that changes with the code."""
+    """Document the modules of a package by autodoc, below a line that changes with the code."""
     parts = []
     for path in sorted((root / "src").joinpath(*package.split(".")).glob("*.py")):
         name = package if path.stem == "__init__" else f"{package}.{path.stem}"

@@ -1,4 +1,4 @@
-"""Whether the paper-scale results still say what is stored: references, anchors, verdicts, README."""
+"""Whether paper-scale results still agree with references, anchors, verdicts and README."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from execbook import claims, contents, display, graph, notebooks, reference, verdicts
+from execbook import claims, contents, graph, notebooks, reference, verdicts
 from execbook.errors import Fault
 
 
 @dataclass
 class Report:
-    """What was held against what, how many claims are near a threshold, and every problem in one sentence."""
+    """How much was held against what is stored, and every problem in one sentence."""
 
     numbers: int = 0
     anchors: int = 0
@@ -52,14 +52,6 @@ def check(root: Path) -> Report:
     return report
 
 
-def describe(difference: reference.Difference) -> str:
-    """Say in one sentence what moved."""
-    stored, ours = (display.number(v, 7) if v is not None else "nothing" for v in (difference.stored, difference.ours))
-    unit = f" {difference.unit}" if difference.unit else ""
-    wanted = f"its anchor ({difference.source}) is" if difference.source else "stored is"
-    return f"{difference.key}: {ours}{unit}, {wanted} {stored}{unit}: {difference.problem}."
-
-
 def _check_tables(root: Path, name: str, report: Report) -> None:
     """A column without one value is a slip of the notebook."""
     for path in sorted((graph.run_folder(root, name) / "tables").glob("*.csv")):
@@ -74,7 +66,7 @@ def _check_reference(root: Path, name: str, report: Report) -> None:
     found = reference.differences(root, graph.run_folder(root, name), "paper")
     report.anchors += sum(bool(d.source) for d in found)
     report.numbers += sum(not d.source for d in found)
-    report.problems.extend(f"{name}: {describe(d)}" for d in found if d.problem)
+    report.problems.extend(f"{name}: {d}" for d in found if d.problem)
 
 
 def _check_guards(root: Path, paper: str, report: Report) -> None:

@@ -1,4 +1,4 @@
-"""Child processes (kernels, Sphinx): each leads a process group that ends with this process, however it ends."""
+"""Child processes (kernels, Sphinx): each ends, with what it started, when we end."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import signal
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 _GUARD = 'read _; kill -s KILL -- "-$0"'  # waits until the pipe from us breaks
+_PATIENCE = 60.0  # s
 _groups: set[int] = set()
 _blocks: set[object] = set()
 _stopping = threading.Event()
@@ -19,7 +22,7 @@ _stopping = threading.Event()
 
 @contextmanager
 def guarded(group: int) -> Iterator[None]:
-    """Kill the process group after the block, and also when this process is killed: a shell waits for a broken pipe."""
+    """Kill the process group after the block, and when we are killed: a shell waits for it."""
     command = ["/bin/sh", "-c", _GUARD, str(group)]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     guard = subprocess.Popen(command, stdin=subprocess.PIPE, start_new_session=True, **quiet)
@@ -36,7 +39,7 @@ def guarded(group: int) -> Iterator[None]:
 
 @contextmanager
 def started(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
-    """Start a guarded child process in a session of its own, so that Ctrl-C at the terminal does not reach it."""
+    """Start a guarded child process, which Ctrl-C at the terminal does not reach."""
     check()
     with subprocess.Popen(command, start_new_session=True, **options) as process, guarded(process.pid):
         yield process
@@ -44,7 +47,7 @@ def started(command: list[str], **options: Any) -> Iterator[subprocess.Popen]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Mark a block for whose end `stop` waits; an error that follows from killed children is a KeyboardInterrupt."""
+    """Mark a block for whose end `stop` waits; errors then are a KeyboardInterrupt."""
     check()
     token = object()
     _blocks.add(token)
@@ -68,10 +71,10 @@ def any_busy() -> bool:
     return bool(_blocks)
 
 
-def stop(patience: float = 60.0, ended: Callable[[], bool] | None = None) -> None:
-    """Kill the children, let no new ones start, and wait at most `patience` seconds until all busy blocks `ended`."""
+def stop(ended: Callable[[], bool] | None = None) -> None:
+    """Kill the children, let none start, and wait a minute until all busy blocks `ended`."""
     ended = ended or (lambda: not _blocks)
-    end = time.monotonic() + patience
+    end = time.monotonic() + _PATIENCE
     outermost = not _stopping.is_set()
     _stopping.set()
     try:
@@ -82,6 +85,20 @@ def stop(patience: float = 60.0, ended: Callable[[], bool] | None = None) -> Non
     finally:
         if outermost:
             _stopping.clear()
+
+
+def in_parallel(workers: int, action: Callable[[T], None], items: Iterable[T]) -> None:
+    """Call action(item), `workers` at a time; the first error, as Ctrl-C, ends them all."""
+    pool = ThreadPoolExecutor(workers)
+    try:
+        for task in [pool.submit(action, item) for item in items]:
+            task.result()
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        stop()
+        raise
+    finally:
+        pool.shutdown()
 
 
 def _kill(group: int) -> None:

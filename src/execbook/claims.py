@@ -1,4 +1,4 @@
-"""The ledger of a paper: every claim it prints, held against the recorded numbers, with a computed verdict."""
+"""The ledger of a paper: every claim that it prints, held against our numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from execbook import contents, display, yamltext
-from execbook.errors import Fault, Misuse
+from execbook.errors import Fault, Misuse, explain
 from execbook.tolerance import Tolerance
 
 Verdict = Literal["reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"]
@@ -34,7 +34,7 @@ Metrics = Mapping[str, Mapping[str, Any]]
 
 
 class Accept(Tolerance):
-    """How far ours may be from the paper's: relative, absolute, by a factor, or in a range of its own."""
+    """How far ours may be from the paper's: rel, abs, by a factor, or in a range of its own."""
 
     @model_validator(mode="before")
     @classmethod
@@ -59,7 +59,7 @@ class _Strict(BaseModel):
 
 
 class Compare(_Strict):
-    """A comparison of recorded numbers, left op factor * right; = holds within one part in a million."""
+    """A comparison of recorded numbers, left op factor * right; = holds within 1e-6."""
 
     left: MetricName
     op: Literal["<", "<=", ">", ">=", "="]
@@ -67,12 +67,25 @@ class Compare(_Strict):
     factor: float = 1.0
 
     def sides(self, values: Mapping[str, float]) -> tuple[float, float]:
-        """Give the left number and the right one, without the factor."""
-        return values[self.left], values[self.right] if isinstance(self.right, str) else self.right
+        """Give the left number, and the right one times the factor."""
+        return values[self.left], self.factor * values.get(self.right, self.right)
+
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Tell whether it holds."""
+        return _OPERATORS[self.op](*self.sides(values))
+
+    def shown(self, values: Mapping[str, float], unit: str) -> str:
+        """Give both sides with their unit and name."""
+        numbers = values[self.left], values.get(self.right, self.right)
+        sides = [f"{display.number(value)} {unit}".rstrip() for value in numbers]
+        pairs = zip(sides, _names(self.left, self.right), strict=True)
+        left, right = (f"{side} ({name})" if name else side for side, name in pairs)
+        factor = f"{self.factor:g} × " if self.factor != 1 else ""
+        return f"{left} {self.op if self.holds(values) else f'not {self.op}'} {factor}{right}"
 
 
 class Claim(_Strict):
-    """One number or statement of the paper, how we read it, what decides it, and the expected verdict."""
+    """A number or statement of the paper, what decides it, and the expected verdict."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9.-]*$")
     where: str
@@ -98,18 +111,19 @@ class Claim(_Strict):
 
     @model_validator(mode="after")
     def _coherent(self) -> Claim:
-        faults = {
-            "a claim has a metric or a compare, not both": self.metric and self.compare,
-            "reads and because go together: why is another number read than the printed one?": (self.reads is None)
-            != (self.because is None),
-            "a metric needs accept": self.metric and self.accept is None,
-            "accept needs a metric": self.accept and not self.metric,
-            "accept needs a printed (or reads) number to compare with": self.accept
-            and not self.accept.alone
-            and self.reference is None,
-            "a claim that nothing decides needs a reason": not self.metric and not self.compare and not self.reason,
-        }
-        for words, found in faults.items():
+        by_number, alone = bool(self.accept) and not self.accept.alone, not (self.metric or self.compare)
+        faults = [
+            (self.metric and self.compare, "a claim has a metric or a compare, not both"),
+            (
+                (self.reads is None) != (self.because is None),
+                "reads and because go together: why is it not read as printed?",
+            ),
+            (self.metric and not self.accept, "a metric needs accept"),
+            (self.accept and not self.metric, "accept needs a metric"),
+            (by_number and self.reference is None, "accept needs a printed (or reads) number to compare with"),
+            (alone and not self.reason, "a claim that nothing decides needs a reason"),
+        ]
+        for found, words in faults:
             if found:
                 raise ValueError(words)
         return self
@@ -129,7 +143,7 @@ class Claim(_Strict):
 
 
 class Judgement(NamedTuple):
-    """A claim with our number and the verdict it has now (None where a number is not recorded)."""
+    """A claim with our number and its verdict now (None where a number is not recorded)."""
 
     claim: Claim
     ours: float | str | None
@@ -155,7 +169,7 @@ def papers(root: Path) -> list[str]:
 
 
 def ledger(root: Path, paper: str) -> list[Claim]:
-    """Read the claims of a paper; raises Fault for a malformed entry, Misuse for an unknown paper."""
+    """Read the claims of a paper; raises Fault for a wrong entry, Misuse for an unknown paper."""
     path = root / "book" / paper / "claims.yml"
     if not re.fullmatch(r"\w[\w.-]*", paper) or not path.is_file():
         raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
@@ -183,14 +197,8 @@ def _claims(text: str, where: str) -> tuple[Claim, ...]:
     return tuple(claims.values())
 
 
-def explain(error: ValidationError) -> str:
-    """Give what pydantic found as one sentence, each place with its problem."""
-    found = [(".".join(map(str, e["loc"])), e["msg"].removeprefix("Value error, ")) for e in error.errors()]
-    return "; ".join(dict.fromkeys(": ".join(filter(None, pair)) for pair in found))
-
-
 def recorded(root: Path, notebook: str) -> Metrics | None:
-    """Read the paper-scale numbers of a notebook from the last build, or None where it was not run."""
+    """Read the numbers of a notebook from the last build, or give None where it was not run."""
     path = root / "book" / "_build" / "metrics" / f"{notebook}.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
 
@@ -212,16 +220,15 @@ def judge(claim: Claim, metrics: Callable[[str], Metrics | None]) -> Judgement:
     for name, value in values.items():
         if value is None:
             return Judgement(claim, None, "not-reproduced", f"{name} is not finite")
-    if claim.metric and claim.accept:
+    if claim.accept:
         ours: float | str = values[claim.metric]
         holds, why = claim.accept.holds(ours, claim.reference), str(claim.accept)
         edges = set(claim.accept.edges(claim.reference))  # what must be equal is near nothing
         thresholds = [(ours, edge) for edge in edges if len(edges) > 1]
     else:
-        ours, holds = _compare(claim.compare, values, units)
-        why = ""
-        sides = [(c, *c.sides(values)) for c in claim.compare if c.op != "="]
-        thresholds = [(left, c.factor * right) for c, left, right in sides]
+        shown = [c.shown(values, display.unit_text(units[c.left])) for c in claim.compare]
+        ours, holds, why = "; ".join(shown), all(c.holds(values) for c in claim.compare), None
+        thresholds = [c.sides(values) for c in claim.compare if c.op != "="]
     if not holds:
         verdict, words = "not-reproduced", claim.reason
     elif claim.calibrated:
@@ -248,25 +255,8 @@ def _require_one_unit(claim: Claim, units: Mapping[str, str]) -> None:
             )
 
 
-def _compare(
-    comparisons: tuple[Compare, ...], values: Mapping[str, float], units: Mapping[str, str]
-) -> tuple[str, bool]:
-    """Give both sides of each comparison with their unit and name, and whether all hold."""
-    texts, all_hold = [], True
-    for c in comparisons:
-        left, right = c.sides(values)
-        holds = _OPERATORS[c.op](left, c.factor * right)
-        factor = f"{c.factor:g} × " if c.factor != 1 else ""
-        op, unit = c.op if holds else f"not {c.op}", display.unit_text(units[c.left])
-        sides = [f"{display.number(value)} {unit}".rstrip() for value in (left, right)]
-        names = [f" ({name})" if name else "" for name in _names(c.left, c.right)]
-        texts.append(f"{sides[0]}{names[0]} {op} {factor}{sides[1]}{names[1]}")
-        all_hold &= holds
-    return "; ".join(texts), all_hold
-
-
 def _names(left: str, right: str | float) -> tuple[str, str]:
-    """Give what tells two recorded numbers apart: the parts of their names that differ, else their notebooks."""
+    """Give what tells two recorded numbers apart: parts of their names, else their notebooks."""
     book, _, key = left.partition(":")
     other_book, _, other = str(right).partition(":")
     if not other:
@@ -282,13 +272,11 @@ def _names(left: str, right: str | float) -> tuple[str, str]:
 
 def judge_paper(root: Path, paper: str) -> list[Judgement]:
     """Give the verdicts of all claims of a paper by the numbers of the last build."""
-    metrics = functools.cache(functools.partial(recorded, root))
+    claims, metrics = ledger(root, paper), functools.cache(functools.partial(recorded, root))
     try:
-        return [judge(claim, metrics) for claim in ledger(root, paper)]
+        return [judge(claim, metrics) for claim in claims]
     except Fault as error:
-        if str(error).startswith("claim "):
-            raise Fault(f"book/{paper}/claims.yml, {error}") from error
-        raise
+        raise Fault(f"book/{paper}/claims.yml, {error}") from error
 
 
 def decided_by(root: Path, notebook: str) -> list[Claim]:

@@ -1,4 +1,4 @@
-"""The command line: list, explain, run, compare and judge the notebooks of the book, and build it.
+"""The command line: list, explain, run, compare and judge notebooks, and build the book.
 
 `app` is the command, to which a project may add its own; `main` runs it under the project's name.
 """
@@ -69,7 +69,7 @@ def params(notebook: str, as_json: AsJson = False) -> None:
     for p in spec.parameters.values():
         quick = repr(spec.quick[p.name]) if p.name in spec.quick else ""
         rows.append([p.name, p.type, repr(p.default), quick, p.range, "" if p.is_path else p.unit, p.help])
-    print(display.plain_table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
+    print(display.table(["name", "type", "default", "quick", "range", "unit", "help"], rows))
     example = " ".join(shlex.quote(f"{k}={v}") for k, v in list(spec.quick.items())[:1])
     print(f"\nas in: {project.read(root()).command} run {spec.notebook} {example}".rstrip())
 
@@ -97,7 +97,7 @@ def run(
     runfolder.refuse_foreign(folder)
     with Display() as display, display.notebook(notebook) as progress:
         folder = execute.run(here, notebook, given, out=folder, quick=quick, threads=threads, progress=progress)
-        for note in execute.notes(folder):
+        for note in runfolder.provenance(folder)["notes"]:
             display.say(note)
     print(folder)
 
@@ -182,7 +182,7 @@ def compare(
         Path | None, typer.Option(help="Folder of the page with overlaid figures (default: the first run).")
     ] = None,
 ) -> None:
-    """Two runs side by side: numbers with differences, and a page with the figures overlaid, named last."""
+    """Two runs side by side: numbers, and a page with the figures overlaid, named last."""
     from execbook import compare, runfolder
 
     here = root()
@@ -192,7 +192,7 @@ def compare(
     print("\n".join(filter(None, [found.note, f"left:  {found.left}", f"right: {found.right}"])))
     for name, a, b in found.parameters:
         print(f"  {name}: {a!r} | {b!r}")
-    print(compare.table(found, "plain"))
+    print(compare.table(found))
     moved = compare.moved(found, rel)
     sys.stderr.write(f"{len(moved)} of {len(found.rows)} differ by more than {rel:g} (relative)\n")
     print(compare.write_page(found, folder))
@@ -222,7 +222,7 @@ def reference(
     notebook: Notebooks = None,
     quick: Annotated[bool, typer.Option(help="Renew the quick references too (executes the quick notebooks).")] = True,
 ) -> None:
-    """Renew the stored references from the book's runs and from runs in other computing settings; show what moved."""
+    """Renew the stored references from runs in all computing settings; show what moved."""
     from execbook import notebooks, renewal
 
     named = [notebooks.name_of(root(), word) for word in notebook or []]
@@ -234,7 +234,7 @@ def portable(
     notebook: Notebooks = None,
     quick: Annotated[bool, typer.Option(help="At the quick scale too.")] = True,
 ) -> None:
-    """Compute notebooks in every setting of this machine and widen the stored spreads to what is seen."""
+    """Widen the stored spreads to what is seen in every computing setting of this machine."""
     from execbook import notebooks, renewal
 
     named = [notebooks.name_of(root(), word) for word in notebook or []]

@@ -1,8 +1,7 @@
-"""Two runs, or a run and the book, side by side: numbers with their differences, figures laid over each other."""
+"""Two runs, or a run and the book: numbers with differences, figures over each other."""
 
 from __future__ import annotations
 
-import base64
 import html
 import math
 from pathlib import Path
@@ -33,7 +32,7 @@ td, th {{ padding: .15rem .8rem .15rem 0 }} img {{ max-width: 100% }}
 
 
 class Row(NamedTuple):
-    """One number in both runs, or the rms of an array in both with the largest difference of its items."""
+    """A number in both runs, or the rms of an array with the largest difference of its items."""
 
     key: str
     unit: str
@@ -44,7 +43,7 @@ class Row(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Names of both sides, parameters that differ (name, left, right), the numbers, and the figures that both have.
+    """Both sides' names, parameters that differ, numbers, and the figures that both have.
 
     scales : of the left and the right side: paper, quick or custom.
     """
@@ -84,7 +83,7 @@ def resolve(root: Path, word: str, base: Path) -> Path:
 
 
 def compare(root: Path, left: Path, right: Path | None) -> Comparison:
-    """Compare two run folders; without a second one, the book's run of the same notebook, else the stored reference."""
+    """Compare two run folders; the second is by default the book's, else the stored reference."""
     told, metrics, arrays = runfolder.read(left)
     name, quick = told["notebook"], told["mode"] == "quick"
     if right is None:
@@ -149,14 +148,13 @@ def cells(row: Row) -> list[str]:
     return [row.key, *values, difference, "" if row.relative is None else f"{row.relative:+.2e}", row.unit]
 
 
-def table(comparison: Comparison, form: str) -> str:
-    """Give the numbers as a `plain` or `html` table."""
-    make = display.html_table if form == "html" else display.plain_table
-    return make(HEADER, [cells(row) for row in comparison.rows], _ALIGN)
+def table(comparison: Comparison, form: str = "simple") -> str:
+    """Give the numbers as a table, in text or as `html`."""
+    return display.table(HEADER, [cells(row) for row in comparison.rows], _ALIGN, form)
 
 
 def write_page(comparison: Comparison, folder: Path) -> Path:
-    """Write `compare.html` (self-contained) into `folder`; returns it. A figure that cannot be drawn is named there."""
+    """Write `compare.html` into `folder` and return it; it names figures that cannot be drawn."""
     changed = "".join(f"<li>{html.escape(f'{k}: {a!r} | {b!r}')}</li>" for k, a, b in comparison.parameters)
     figures = "\n".join(_figure(comparison, name) for name in comparison.figures)
     page = folder / runfolder.PAGE
@@ -179,6 +177,5 @@ def _figure(comparison: Comparison, name: str) -> str:
         image = overlay.overlay(*map(overlay.read_columns, runs), name)
     except Fault as error:
         return f"{heading}<p>Not drawn: {html.escape(str(error))}</p>"
-    data = base64.b64encode(image).decode()
     alt = f"The data of figure {html.escape(name)} from the left and the right run"
-    return f'{heading}<figure><img alt="{alt}" src="data:image/png;base64,{data}"></figure>'
+    return f'{heading}<figure><img alt="{alt}" src="{display.inlined(image)}"></figure>'

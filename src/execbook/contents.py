@@ -1,4 +1,4 @@
-"""The table of contents, `book/_toc.yml`: the pages of the book in the order of reading, and their titles."""
+"""The table of contents, `book/_toc.yml`: pages in the order of reading, and their titles."""
 
 from __future__ import annotations
 

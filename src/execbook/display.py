@@ -1,16 +1,20 @@
-"""How numbers, figures and tables look as output of a notebook: nothing remote, and a JSON record for the book."""
+"""How numbers, figures and tables look in a notebook, with a record for the book."""
 
 from __future__ import annotations
 
 import base64
 import html
+import io
 import math
 import numbers
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tabulate import tabulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FIGURE_TYPE = "application/vnd.execbook.figure+json"
 TABLE_TYPE = "application/vnd.execbook.table+json"
@@ -19,7 +23,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Give a number for readers: `digits` significant ones, `1.234 × 10⁻⁷` beyond the easy range, a true minus."""
+    """Give a number for readers, as in `−1.234` or `1.234 × 10⁻⁷`, with so many digits."""
     if isinstance(value, numbers.Integral):
         return str(value).replace("-", "−")
     if not math.isfinite(value):
@@ -48,7 +52,7 @@ def _power(exponent: int) -> str:
 
 
 def cell(value: Any, form: str | None = None) -> str:
-    """Give the text of a table's cell: a number by `form` (a format specification) or by `number`, None as a dash."""
+    """Give the text of a table's cell: a number by `form` or `number`, None as a dash."""
     if value is None:
         return "–"
     if isinstance(value, bool):
@@ -62,11 +66,20 @@ def cell(value: Any, form: str | None = None) -> str:
     return mantissa.replace("-", "−") + (_power(int(exponent)) if e else "")
 
 
+def as_png(figure: Figure, dpi: float) -> bytes:
+    """Give a figure as an image, of the same figure always the same bytes, and close it."""
+    import matplotlib.pyplot as plt
+
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    plt.close(figure)
+    return buffer.getvalue()
+
+
 def figure_bundle(record: Mapping[str, Any], png: bytes) -> dict[str, Any]:
     """Make the MIME bundle of a figure; `record` has name, caption, alt, width (px) and files."""
-    image = base64.b64encode(png).decode()
     text = (
-        f'<figure>\n<img src="data:image/png;base64,{image}" alt="{html.escape(record["alt"])}" '
+        f'<figure>\n<img src="{inlined(png)}" alt="{html.escape(record["alt"])}" '
         f'width="{record["width"]}" style="max-width: 100%; height: auto">\n'
         f"<figcaption>{html.escape(record['caption'], quote=False)}</figcaption>\n</figure>"
     )
@@ -74,44 +87,47 @@ def figure_bundle(record: Mapping[str, Any], png: bytes) -> dict[str, Any]:
     return {"text/html": text, "text/plain": plain, FIGURE_TYPE: dict(record)}
 
 
+def inlined(png: bytes) -> str:
+    """Give an image as the address that carries it."""
+    return f"data:image/png;base64,{base64.b64encode(png).decode()}"
+
+
 def table_bundle(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the MIME bundle of a table; `record` has name, caption, header, rows (texts), align and files."""
-    table = record["header"], record["rows"], record["align"]
-    caption = record["caption"]
-    text = f"<p>{html.escape(caption, quote=False)}</p>\n{_table('html', *table)}"
-    return {"text/html": text, "text/plain": f"{caption}\n{plain_table(*table)}", TABLE_TYPE: dict(record)}
+    """Make the MIME bundle of a table of texts.
+
+    record : name, caption, header, rows, align and files
+    """
+    parts, caption = (record["header"], record["rows"], record["align"]), record["caption"]
+    text = f"<p>{html.escape(caption, quote=False)}</p>\n{table(*parts, form='html')}"
+    return {"text/html": text, "text/plain": f"{caption}\n{table(*parts)}", TABLE_TYPE: dict(record)}
 
 
-def _table(form: str, header: Sequence[Any], rows: Sequence[Sequence[Any]], align: Sequence[str] | None = None) -> str:
+def table(
+    header: Sequence[Any], rows: Sequence[Sequence[Any]], align: Sequence[str] | None = None, form: str = "simple"
+) -> str:
+    """Give a table as aligned text, or as `html`; `align` has left or right per column."""
     align = align or ["left"] * len(header)
     return tabulate(rows, header, form, colalign=align if rows else None, disable_numparse=True)
-
-
-def plain_table(header: Sequence[Any], rows: Sequence[Sequence[Any]], align: Sequence[str] | None = None) -> str:
-    """Give a table as aligned text."""
-    return _table("simple", header, rows, align)
-
-
-def html_table(header: Sequence[Any], rows: Sequence[Sequence[Any]], align: Sequence[str] | None = None) -> str:
-    """Give a table as HTML, its texts escaped."""
-    return _table("html", header, rows, align)
 
 
 def markdown_table(header: Sequence[Any], rows: Sequence[Sequence[Any]], align: Sequence[str] | None = None) -> str:
     """Give a table as Markdown with pipes; `align` has left or right per column."""
     rule = ["---:" if a == "right" else ":---" for a in (align or ["left"] * len(header))]
-    lines = [[str(text).replace("|", "\\|").replace("\n", " ") for text in row] for row in (header, *rows)]
+    lines = [[line(text).replace("|", "\\|") for text in row] for row in (header, *rows)]
     return "\n".join(f"| {' | '.join(row)} |" for row in [lines[0], rule, *lines[1:]])
+
+
+def line(text: object) -> str:
+    """Give a text on one line; its no-break spaces stay."""
+    return re.sub(r"[ \t\r\n]+", " ", str(text)).strip(" ")
 
 
 def show(bundle: Mapping[str, Any]) -> None:
     """Display a bundle in a notebook, or print its text elsewhere."""
-    try:
-        from IPython import get_ipython
-        from IPython.display import display
-    except ImportError:
-        get_ipython = None
-    if get_ipython is None or get_ipython() is None:
+    from IPython import get_ipython
+    from IPython.display import display
+
+    if get_ipython() is None:
         print(bundle["text/plain"])
     else:
         display(dict(bundle), raw=True)

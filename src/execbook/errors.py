@@ -1,8 +1,12 @@
-"""Errors whose message is for the reader: one sentence with the value, where it stood, and what would be right."""
+"""Errors for the reader: one sentence with the value, its place, and what would be right."""
 
 from __future__ import annotations
 
 import unicodedata
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 class Fault(Exception):
@@ -27,6 +31,12 @@ def is_plain(text: str) -> bool:
 
 
 def shown(text: str, length: int = 400) -> str:
-    """Give a word as it may stand in a message of one line, cut where it is longer than `length`."""
+    """Give a word as it may stand in a message of one line, cut where it is too long."""
     plain = text if is_plain(text) else repr(text)
     return plain if len(plain) <= length else plain[: length - 3] + "..."
+
+
+def explain(error: ValidationError) -> str:
+    """Give what pydantic found as one sentence, each place with its problem."""
+    found = [(".".join(map(str, e["loc"])), e["msg"].removeprefix("Value error, ")) for e in error.errors()]
+    return "; ".join(dict.fromkeys(": ".join(filter(None, pair)) for pair in found))

@@ -1,4 +1,4 @@
-"""Run one notebook through papermill, with checked parameters, into a run folder that appears whole."""
+"""Run one notebook, with checked parameters, into a run folder that appears whole."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import hashlib
 import html
 import json
-import logging
 import os
 import re
 import shutil
@@ -32,18 +31,16 @@ from execbook import (
     sockets,
 )
 from execbook.errors import Fault
+from execbook.html import page_of_run
 
 if TYPE_CHECKING:
+    from nbclient.exceptions import CellExecutionError
     from nbformat import NotebookNode
 
 _THREADS = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS",
 )  # fmt: skip
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-
-
-class ExecutionFailed(Fault):
-    """A cell of a notebook raised an error; the message says which and where."""
 
 
 class _Job(NamedTuple):
@@ -60,25 +57,25 @@ class _Job(NamedTuple):
 
 def run(
     root: Path, name: str, given: Mapping[str, Any] | None = None, *, out: Path, quick: bool = False, page: bool = True,
-    base: Path | None = None, threads: int = 1, setting: str = settings.NATIVE,
-    progress: progress.Progress | None = None, key: str = "", replace: bool = False,
+    threads: int = 1, setting: str = settings.NATIVE, progress: progress.Progress | None = None,
+    key: str = "", replace: bool = False,
 ) -> Path:  # fmt: skip
-    """Execute notebook `name` into the folder `out`, which is replaced only by a whole new one; returns `out`.
+    """Execute a notebook into the folder `out`, replaced only by a whole one; returns `out`.
 
-    given     parameter values; a path among them is relative to `base` (default: the working directory)
+    given     parameter values; a path among them is relative to the working directory
     quick     start from the values of the cell tagged `quick` in place of the paper's
     page      write `page.html`, the run as one self-contained page
     threads   threads of the numerical libraries; more than one sum in another order, which moves last digits
     setting   computing setting, by name
     key       hash of what the run comes from, kept in provenance.json beside the SHA-256 of every file of the run
-    replace   remove whatever stands in `out`: the folder belongs to the book
-    Raises Misuse for wrong parameters or an `out` that holds other things; ExecutionFailed where a cell raises: then
+    replace   remove whatever stands in `out`: the folder is the book's own
+    Raises Misuse for wrong parameters or an `out` that holds other things; Fault where a cell raises: then
     `<out>.failed.ipynb` has the traceback and what stood in `out` stays.
     """
     source = notebooks.read(root, name)
     specification = parameters.specification(source, name)
     values = dict(specification.quick) if quick else {}
-    values |= specification.check(given or {}, base or Path.cwd())
+    values |= specification.check(given or {})
     out = Path(out).resolve()
     variables = settings.environment(setting) | {variable: str(threads) for variable in _THREADS}
     with atomic.explained(out):
@@ -105,27 +102,27 @@ def _run_in(work: Path, job: _Job, page: bool, key: str) -> None:
     """Execute in the folder `work`, and put the finished run into its place."""
     made, failed = work / "run", job.out.with_name(f"{job.out.name}.failed.ipynb")
     with sockets.folder() as talk:
-        executed = _execute(job, made, work, talk)
-    error = _first_error(executed)
+        executed, stopped = _execute(job, made, work, talk)
     notebooks.tidy(executed, job.name)
-    if error is not None:
-        message = f"FAILED {job.name}: {error}"
+    if stopped:
+        message = f"FAILED {job.name}: {stopped}"
         with contextlib.suppress(Fault):  # where even this cannot be written, the error itself is what matters
-            _write_notebook(failed, executed)
+            notebooks.write(failed, executed)
             message += f"\n  traceback: {failed}"
-        raise ExecutionFailed(message)
-    if not (made / "provenance.json").is_file():
-        raise ExecutionFailed(f"FAILED {job.name}: it ended without nb.finish(), so nothing is recorded.")
-    told = json.loads((made / "provenance.json").read_text(encoding="utf-8"))
+        raise Fault(message)
+    told = runfolder.provenance(made)
+    if told is None:
+        raise Fault(f"FAILED {job.name}: it ended without nb.finish(), so nothing is recorded.")
     changed = parameters.specification(job.source, job.name).changed(told["parameters"])
     metrics = json.loads((made / "metrics.json").read_text(encoding="utf-8"))
-    blocks.insert_own(executed, job.name, metrics, job.root, lenient=bool(changed))
-    _warn_of(changed, executed)
-    _write_notebook(made / "notebook.ipynb", executed)
+    for cell in executed.cells:
+        if cell.cell_type == "markdown":
+            cell.source = blocks.fill_own(cell.source, job.root, job.name, metrics, lenient=bool(changed))
+    if changed:
+        _warn_of(changed, executed)
+    notebooks.write(made / "notebook.ipynb", executed)
     if page:
-        from execbook import page as pages
-
-        atomic.write_text(made / "page.html", pages.render(job.root, job.name, made))
+        atomic.write_text(made / "page.html", page_of_run(job.root, job.name, made))
     told |= {"key": key, "files": atomic.digests(made, "provenance.json")}
     atomic.write_json(made / "provenance.json", told)
     atomic.swap_folder(made, job.out)
@@ -144,27 +141,23 @@ def _lock_of(root: Path, out: Path) -> Path:
     return root / ".cache" / "locks" / f"{hashlib.sha256(str(out.resolve()).encode()).hexdigest()[:16]}.lock"
 
 
-def notes(folder: Path) -> list[str]:
-    """List what the machinery had to say about a run, such as a damaged result computed again."""
-    return json.loads((folder / "provenance.json").read_text(encoding="utf-8")).get("notes", [])
-
-
 def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) -> Path:
-    """Give `runs/<paper>/<notebook>/<what was asked>`, e.g. `quick+days=5.0`; the same request, the same folder."""
-    words = ["quick"] * quick + [f"{key}={value}" for key, value in sorted(given.items())]
-    text = "+".join(words) or "paper"
+    """Give `runs/<paper>/<notebook>/<what was asked>`, such as `quick+days=5.0`."""
+    text = "+".join(["quick"] * quick + [f"{key}={value}" for key, value in sorted(given.items())]) or "paper"
     plain = re.sub(r"[^A-Za-z0-9=+.,_-]+", "-", text).strip("-")
     if plain != text or len(plain) > 80:
         plain = f"{plain[:70]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
     return root / "runs" / name / plain
 
 
-def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
-    import papermill
+def _execute(job: _Job, made: Path, work: Path, talk: Path) -> tuple[NotebookNode, str]:
+    """Give the executed notebook, and why it stopped where it did before its end."""
     from jupyter_client.kernelspec import KernelSpec
     from jupyter_client.manager import AsyncKernelManager
     from nbclient import NotebookClient
     from nbclient.exceptions import CellExecutionError
+    from papermill.iorw import load_notebook_node
+    from papermill.parameterize import parameterize_notebook
 
     environment = {
         **os.environ,
@@ -178,24 +171,12 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
         **job.variables,
     }
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
-    kernel = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
     ended = contextlib.ExitStack()
 
     class Kernel(AsyncKernelManager):
-        """The interpreter that runs us, whatever kernels are installed, its connection file beside the run."""
+        """The interpreter that runs us, whatever kernels are installed."""
 
-        @property
-        def kernel_spec(self) -> KernelSpec:
-            return kernel
-
-        def _connection_file_default(self) -> str:
-            return str(work / "kernel.json")
-
-        def _transport_default(self) -> str:
-            return "ipc"
-
-        def _ip_default(self) -> str:
-            return str(talk / "s")
+        kernel_spec = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
 
         async def start_kernel(self, **kwargs: Any) -> None:
             # The environment goes in here, since $NAME in a specification is replaced.
@@ -204,47 +185,42 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> NotebookNode:
 
     # papermill puts the parameters in, but does not execute: it formats paths, which {} in them does not survive, and
     # changes the working directory of the whole process, where another notebook may be running.
-    logging.getLogger("papermill").setLevel(logging.CRITICAL)  # what goes wrong reaches us as an exception
-    notebook = papermill.execute_notebook(
-        job.source, None, parameters=job.values, kernel_name="python3", prepare_only=True
-    )
+    notebook = load_notebook_node(job.source)
+    if job.values:
+        notebook = parameterize_notebook(notebook, job.values, kernel_name="python3", language="python")
     index = {id_: k for k, id_ in enumerate(c["id"] for c in job.source.cells if c.cell_type == "code")}
 
     def started(cell: NotebookNode, cell_index: int) -> None:
         if job.progress and cell.cell_type == "code":
             job.progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
+    manager = Kernel(transport="ipc", ip=str(talk / "s"), connection_file=str(work / "kernel.json"))
     client = NotebookClient(
-        notebook, kernel_manager_class=Kernel, kernel_name="python3", on_cell_start=started, coalesce_streams=True,
+        notebook, km=manager, on_cell_start=started, coalesce_streams=True,
         resources={"metadata": {"path": str((job.root / "book" / job.name).parent)}},
         startup_timeout=900, iopub_timeout=120, raise_on_iopub_timeout=True,
     )  # fmt: skip
     try:
-        with ended, client.setup_kernel():
-            with contextlib.suppress(CellExecutionError):  # its output says what happened
+        with ended, client.setup_kernel(cleanup_kc=True):
+            stopped = ""
+            try:
                 for k, cell in enumerate(notebook.cells):
                     client.execute_cell(cell, k)
+            except CellExecutionError as error:
+                stopped = _explain(cell, error)
             told = client.wait_for_reply(client.kc.kernel_info())
             notebook.metadata["language_info"] = told["content"]["language_info"]
-        return notebook
+        return notebook, stopped
     except RuntimeError as error:  # nbclient's DeadKernelError is one
         why = f"the kernel stopped ({error}); if nobody stopped it, memory ran out: give smaller sizes."
-        raise ExecutionFailed(f"FAILED {job.name}: {why}") from error
+        raise Fault(f"FAILED {job.name}: {why}") from error
     except OSError as error:
         with atomic.explained(job.out):
             raise error
 
 
-def _write_notebook(path: Path, notebook: NotebookNode) -> None:
-    import nbformat
-
-    atomic.write_text(path, nbformat.writes(notebook) + "\n")
-
-
 def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
-    """Put words above a run whose parameters differ from the paper's, in HTML that every viewer of notebooks shows."""
-    if not changed:
-        return
+    """Say above a run which parameters differ from the paper's, in HTML for every viewer."""
     from nbformat.v4 import new_markdown_cell
 
     told = html.escape(", ".join(f"{name}={value}" for name, value in changed.items()))
@@ -255,18 +231,14 @@ def _warn_of(changed: Mapping[str, Any], notebook: NotebookNode) -> None:
     notebook.cells.insert(0, new_markdown_cell(words, id="changed"))
 
 
-def _first_error(notebook: NotebookNode) -> str | None:
-    """Say where and why the notebook stopped, with the line of its own code, or give None."""
-    errors = ((c, o) for c in notebook.cells for o in c.get("outputs", []) if o.output_type == "error")
-    for cell, output in errors:
-        said = _ANSI.sub("", output.evalue)
-        text = f"cell [{cell.execution_count}]: {output.ename}: {said}"
-        if output.ename in ("MemoryError", "_ArrayMemoryError"):
-            text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
-        trace = _ANSI.sub("", "\n".join(output.traceback))
-        arrow = re.search(r"^-+> ?(\d+) (.*)$", trace, re.M)
-        lines = cell.source.splitlines()
-        if arrow and 0 < int(arrow[1]) <= len(lines) and lines[int(arrow[1]) - 1].strip() == arrow[2].strip():
-            text += f"\n  line {arrow[1]}: {arrow[2].strip()}"
-        return text
-    return None
+def _explain(cell: NotebookNode, error: CellExecutionError) -> str:
+    """Say where and why a cell stopped, with the line of its own code."""
+    said = _ANSI.sub("", error.evalue)
+    text = f"cell [{cell.execution_count}]: {error.ename}: {said}"
+    if error.ename in ("MemoryError", "_ArrayMemoryError"):
+        text = f"cell [{cell.execution_count}]: memory ran out{f' ({said})' if said else ''}; give smaller sizes."
+    arrow = re.search(r"^-+> ?(\d+) (.*)$", _ANSI.sub("", error.traceback), re.M)
+    lines = cell.source.splitlines()
+    if arrow and 0 < int(arrow[1]) <= len(lines) and lines[int(arrow[1]) - 1].strip() == arrow[2].strip():
+        text += f"\n  line {arrow[1]}: {arrow[2].strip()}"
+    return text

@@ -1,4 +1,4 @@
-"""The build of the book: notebooks whose inputs changed are executed, two at a time, then the pages are made.
+"""The build of the book: notebooks whose inputs changed are executed, then pages made.
 
 What is done is known by the run folders alone: `provenance.json` holds a hash of everything the run came from and of
 every file of it. A folder appears whole, so a build that was killed resumes; a damaged result is noticed
@@ -12,31 +12,29 @@ import json
 import platform
 import re
 import shutil
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
-from execbook import atomic, children, claims, execute, notebooks, project, sources
+from execbook import atomic, children, claims, execute, notebooks, project, runfolder, sources, stage
+from execbook import html as sphinx
 from execbook.errors import Fault
 from execbook.progress import Display
+from execbook.runfolder import run_folder
 
 WORKERS = 2
 
 
 @dataclass
 class Outcome:
-    """What a build did: notebooks executed, already up to date, and the messages of what failed."""
+    """What a build did: notebooks executed or up to date, messages of failures, the book."""
 
     executed: list[str] = field(default_factory=list)
     fresh: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     book: Path | None = None
-
-
-def run_folder(root: Path, name: str) -> Path:
-    """Give the run folder of a notebook in the book."""
-    return root / "book" / "_build" / "runs" / name
 
 
 def build(root: Path, workers: int = WORKERS, html: bool = True) -> Outcome:
@@ -46,10 +44,7 @@ def build(root: Path, workers: int = WORKERS, html: bool = True) -> Outcome:
     and the last good book; the outcome lists it.
     """
     with Display() as display:
-
-        def waiting() -> None:
-            display.say("Another build runs in this clone; waiting for it.")
-
+        waiting = partial(display.say, "Another build runs in this clone; waiting for it.")
         with atomic.locked(root / ".cache" / "build.lock", waiting):
             return _build(root, workers, html, display)
 
@@ -64,30 +59,36 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
     outcome = Outcome(fresh=[name for name in names if is_fresh(run_folder(root, name), keys[name])])
     for name in outcome.fresh:
         _publish_metrics(root, name)
+    failed: dict[str, str] = {}
 
-    def one(name: str) -> None:
+    @contextmanager
+    def apart(name: str) -> Iterator[None]:
+        """Let what fails here leave the others."""
+        try:
+            yield
+        except Fault as error:
+            failed[name] = str(error)
+        except Exception as error:  # a fault of the machinery must not pass for a good build
+            failed[name] = f"FAILED {name}: {type(error).__name__}: {error}"
+
+    def execute_one(name: str) -> None:
         out = run_folder(root, name)
-        with display.notebook(name) as progress:
-            execute.run(root, name, out=out, page=False, progress=progress, key=keys[name], replace=True)
-            _publish_metrics(root, name)
-        for note in execute.notes(out):
-            display.say(f"{name}: {note}")
-        outcome.executed.append(name)
+        with apart(name):
+            with display.notebook(name) as progress:
+                execute.run(root, name, out=out, page=False, progress=progress, key=keys[name], replace=True)
+                _publish_metrics(root, name)
+            for note in runfolder.provenance(out)["notes"]:
+                display.say(f"{name}: {note}")
+            outcome.executed.append(name)
 
-    def book(_: str) -> None:
-        from execbook import html as pages
-        from execbook import stage
-
-        stage.stage(root)
-        outcome.book = pages.build(root)
-
-    try:
-        stale = [name for name in names if name not in outcome.fresh]
-        failed = _run_all(sorted(stale, key=lambda name: -_seconds(root, name)), workers, one)
-        if html and not failed:
-            failed = _run_all(["book"], 1, book)
-    finally:
-        outcome.executed.sort()
+    stale = [name for name in names if name not in outcome.fresh]
+    longest_first = sorted(stale, key=lambda name: -_seconds(root, name))  # so that two workers end together
+    children.in_parallel(workers, execute_one, longest_first)
+    if html and not failed:
+        with apart("book"):
+            stage.stage(root)
+            outcome.book = sphinx.build(root)
+    outcome.executed.sort()
     outcome.failed = [failed[name] for name in (*names, "book") if name in failed]
     return outcome
 
@@ -135,7 +136,7 @@ def _publish_metrics(root: Path, name: str) -> None:
 
 
 def _clear(root: Path, names: list[str]) -> None:
-    """Remove what killed builds and runs left half done, and the products of notebooks that are no more."""
+    """Remove what killed builds and runs left, and the products of notebooks that are no more."""
     execute.sweep_runs(root)
     wanted = {f"{name}{suffix}" for name in names for suffix in ("", ".json", ".failed.ipynb")}
     for paper in [p for kind in ("runs", "metrics") for p in (root / "book" / "_build" / kind).glob("*") if p.is_dir()]:
@@ -148,34 +149,8 @@ def _clear(root: Path, names: list[str]) -> None:
 
 
 def _seconds(root: Path, name: str) -> float:
-    """Give how long a notebook took last time; the longest comes first, so that two workers end together."""
+    """Give how long a notebook took last time."""
     try:
-        told = json.loads((run_folder(root, name) / "provenance.json").read_text(encoding="utf-8"))
-        return float(told["seconds"])
+        return float(runfolder.provenance(run_folder(root, name))["seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0.0
-
-
-def _run_all(names: list[str], workers: int, action: Callable[[str], None]) -> dict[str, str]:
-    """Call action(name) for all names, `workers` at a time; gives the messages of those that failed, by name."""
-    failed: dict[str, str] = {}
-
-    def guarded(name: str) -> None:
-        try:
-            action(name)
-        except Fault as error:
-            failed[name] = str(error)
-        except Exception as error:  # a fault of the machinery must not pass for a good build
-            failed[name] = f"FAILED {name}: {type(error).__name__}: {error}"
-
-    pool = ThreadPoolExecutor(workers)
-    try:
-        for task in [pool.submit(guarded, name) for name in names]:
-            task.result()
-    except BaseException:  # Ctrl-C: no kernel outlives us
-        pool.shutdown(wait=False, cancel_futures=True)
-        children.stop()
-        raise
-    finally:
-        pool.shutdown()
-    return failed

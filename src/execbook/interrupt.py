@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and SIGHUP: children end, what was begun is cleared, one sentence is said, and we are gone."""
+"""Ctrl-C, SIGTERM and SIGHUP: children end, what was begun is cleared, we say so."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHOW_CURSOR = "\x1b[?25h\n"  # a progress bar hides it
 
 
 def attended(command: Callable[[], T], name: str) -> T:
-    """Run `command` in a thread while the main thread attends to the signals; call it in the main thread.
+    """Run `command` in a thread while the main thread, which calls this, attends to signals.
 
     Libraries in C and callbacks of the import system swallow a KeyboardInterrupt. Here none is raised: where nothing is
     half done (`children.busy`) the process ends at once, else as soon as the command's own thread has cleared it. The

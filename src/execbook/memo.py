@@ -1,8 +1,8 @@
-"""Heavy intermediate results kept on disk, keyed by arguments, computing setting and all the code behind them.
+"""Heavy results kept on disk, keyed by arguments, computing setting and code.
 
-`joblib.Memory` keys a result by the source of the one function, has no check against damage, and lets two processes
-that ask at once both compute. Its hash of arguments is used here, with a key, a digest and a lock of our own. Entries
-are pickles, which run code when they are read; never use a memo folder from a stranger.
+`joblib.Memory` keys a result by the source of the one function, gives wrong numbers after a flipped bit, and lets two
+processes that ask at once both compute. Its hash of arguments is used here, with a key, a digest and a lock of our own.
+Entries are pickles, which run code when they are read; never use a memo folder from a stranger.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Memo:
         self.folder, self.package, self.limit, self.note = folder, package, limit, note
 
     def __call__(self, function: Callable[..., T], ignore: Iterable[str] = ()) -> Callable[..., T]:
-        """Give `function` with its results kept; keyword arguments in `ignore` (an executor) do not enter the key.
+        """Give `function` with its results kept, by all arguments but the keywords in `ignore`.
 
         Raises Fault for a function that is not of the package, whose code is not known.
         """
@@ -64,7 +64,7 @@ class Memo:
         return module.partition(".")[0] == self.package and sources.module_path(module) is not None
 
     def _stable(self, value: Any) -> Any:
-        """Give what stands for an argument in the key: a function by its code, a path by the file's contents."""
+        """Give what stands for an argument in the key: a function's code, a file's bytes."""
         if callable(value) and self._is_known(getattr(value, "__module__", None) or ""):
             return ("function", value.__module__, value.__qualname__, sources.code_hash({value.__module__}))
         return ("file", atomic.sha256(value)) if isinstance(value, Path) and value.is_file() else value
@@ -86,8 +86,11 @@ class Memo:
             except (OSError, ValueError) as error:
                 self.note(f"A kept result was damaged ({error}); it is computed again.")
             result = compute()
+            data = pickle.dumps(result, protocol=5)
             try:
-                _write(entry, result)
+                with atomic.open_whole(entry) as stream:
+                    stream.write(hashlib.sha256(data).digest())
+                    stream.write(data)
             except Fault as error:
                 self.note(f"A result was not kept: {error}")
             else:
@@ -108,13 +111,6 @@ class Memo:
 
 def _used(path: Path) -> float:
     return path.stat().st_mtime if path.exists() else 0.0  # another process may have removed it
-
-
-def _write(path: Path, result: Any) -> None:
-    data = pickle.dumps(result, protocol=5)
-    with atomic.open_whole(path) as stream:
-        stream.write(hashlib.sha256(data).digest())
-        stream.write(data)
 
 
 def _read(path: Path) -> Any:

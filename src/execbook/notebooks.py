@@ -1,4 +1,4 @@
-"""The notebooks of the book: where they are, how they are read, and their twins for Jupyter."""
+"""The notebooks of the book: where they are, how they are read, their twins for Jupyter."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ _MARK = "execbook"
 
 
 def names(root: Path) -> list[str]:
-    """List the names `<paper>/<notebook>` of the MyST files with a jupytext header, in the order of the book."""
-    return sorted((name for name, path in _pages(root).items() if _is_notebook(path)), key=contents.order(root))
+    """List the names `<paper>/<notebook>` of the notebooks, in the order of the book."""
+    return sorted(_sources(root), key=contents.order(root))
 
 
 def source_path(root: Path, name: str) -> Path:
-    """Give the source of a notebook of the book; raises Misuse, with the nearest names, for any other word."""
-    path = _pages(root).get(name)
-    if path is not None and _is_notebook(path):
-        return path
-    known = names(root)
+    """Give the source of a notebook; raises Misuse, with near names, for any other word."""
+    known = _sources(root)
+    if name in known:
+        return known[name]
     near = difflib.get_close_matches(name[:200], known, n=3, cutoff=0.7)
-    near = near or [known for known in known if name in known]
+    near = near or [other for other in sorted(known) if name in other]
     hint = f"did you mean {' or '.join(near[:3])}?" if near else "the command list names them."
     raise Misuse(f"{shown(repr(name), 100)} is no notebook of the book in {root}; {hint}")
 
 
-def name_of(root: Path, word: str) -> str:
-    """Give the name of the notebook whose source is at the path `word`, else the word itself."""
+def name_of(root: Path, text: str) -> str:
+    """Give the name of the notebook whose source is at the path `text`, else the text itself."""
     listed = {str(source_path(root, name)): name for name in names(root)}
-    places = (os.path.abspath(os.path.join(base, word)) for base in (os.getcwd(), root))
-    return next((listed[place] for place in places if place in listed), word)
+    places = (os.path.abspath(os.path.join(base, text)) for base in (os.getcwd(), root))
+    return next((listed[place] for place in places if place in listed), text)
 
 
-def _pages(root: Path) -> dict[str, Path]:
-    files = (root / "book").glob("*/*.md")
-    return {f"{p.parent.name}/{p.stem}": p for p in files if not p.parent.name.startswith(("_", "."))}
-
-
-def _is_notebook(path: Path) -> bool:
-    header = _HEADER.match(path.read_text(encoding="utf-8"))
-    return bool(header and re.search(r"^(jupytext|kernelspec):", header[1], re.M))
+def _sources(root: Path) -> dict[str, Path]:
+    """Give the MyST files with a jupytext header, by name."""
+    files = [p for p in (root / "book").glob("*/*.md") if not p.parent.name.startswith(("_", "."))]
+    headers = ((path, _HEADER.match(path.read_text(encoding="utf-8"))) for path in files)
+    return {
+        f"{path.parent.name}/{path.stem}": path
+        for path, header in headers
+        if header and re.search(r"^(jupytext|kernelspec):", header[1], re.M)
+    }
 
 
 def read(root: Path, name: str) -> NotebookNode:
-    """Read a notebook, with deterministic cell ids; raises Fault where its file cannot be read as one."""
+    """Read a notebook, with deterministic cell ids; raises Fault where it cannot be read."""
     import jupytext
 
     path = source_path(root, name)
@@ -68,7 +68,7 @@ def read(root: Path, name: str) -> NotebookNode:
 
 
 def tidy(notebook: NotebookNode, name: str) -> NotebookNode:
-    """Give the cells ids made of name and position, drop times, and name the plain Python kernel, in place."""
+    """Name cells by their place and the plain Python kernel, and drop times, in place."""
     stem = re.sub(r"[^A-Za-z0-9]+", "-", name)[:58]
     notebook.nbformat, notebook.nbformat_minor = 4, 5
     for k, cell in enumerate(notebook.cells):
@@ -80,6 +80,13 @@ def tidy(notebook: NotebookNode, name: str) -> NotebookNode:
     return notebook
 
 
+def write(path: Path, notebook: NotebookNode) -> None:
+    """Write a notebook whole or not at all."""
+    import nbformat
+
+    atomic.write_text(path, nbformat.writes(notebook) + "\n")
+
+
 def code(notebook: NotebookNode) -> str:
     """Give all code of a notebook as one Python text (IPython magics left out)."""
     lines = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "code").splitlines()
@@ -87,7 +94,7 @@ def code(notebook: NotebookNode) -> str:
 
 
 def tagged(notebook: NotebookNode, tag: str) -> str | None:
-    """Give the source of the code cell with this tag, or None; raises Fault where there are two."""
+    """Give the source of the code cell with this tag, or None; raises Fault for two of them."""
     cells = [c.source for c in notebook.cells if c.cell_type == "code" and tag in c.metadata.get("tags", [])]
     if len(cells) > 1:
         raise Fault(f"{len(cells)} cells are tagged {tag}; a notebook has one.")
@@ -99,15 +106,13 @@ def write_twins(root: Path, force: bool = False) -> list[Path]:
 
     Raises Misuse, before anything is written, where a twin was edited since it was made (unless `force`).
     """
-    import nbformat
-
     made = {root / "book" / f"{name}.ipynb": read(root, name) for name in names(root)}
     edited = [] if force else [str(path.relative_to(root)) for path in made if path.is_file() and _is_edited(path)]
     if edited:
         raise Misuse(f"{', '.join(edited)} was edited; move it away, or overwrite it with --force.")
     for path, notebook in made.items():
         notebook.metadata[_MARK] = {"twin_of": path.with_suffix(".md").name, "sources": _digest(notebook)}
-        atomic.write_text(path, nbformat.writes(notebook) + "\n")
+        write(path, notebook)
     return list(made)
 
 

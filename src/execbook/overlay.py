@@ -1,20 +1,18 @@
-"""The data of one figure from two runs in one image: curves over each other, tracks, or maps with their difference."""
+"""The data of a figure from two runs in one image: curves, tracks, or maps."""
 
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from execbook.display import as_png
 from execbook.errors import Fault
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Columns = Mapping[str, np.ndarray]
 _LEFT, _RIGHT = "#0072b2", "#d55e00"  # Okabe & Ito's blue and vermilion
@@ -22,7 +20,7 @@ _DECADES = 3.0  # positive values that span more are shown on a logarithmic axis
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """Read the numeric columns of a figure's data (CSV); raises Fault where the file is damaged."""
+    """Read the numeric columns of a figure's data (CSV); raises Fault for a damaged file."""
     try:
         with open(path, encoding="utf-8", newline="") as stream:
             header, *rows = csv.reader(stream)
@@ -44,13 +42,10 @@ def overlay(left: Columns, right: Columns, title: str) -> bytes:
     Longitude and latitude alone are a track; with other columns they are a map, shown left, right and as difference.
     All other columns are curves over the first one.
     """
-    import matplotlib.pyplot as plt
-
     shared = [c for c in left if c in right]
     places = [next((c for c in shared if c.startswith(word)), "") for word in ("lon", "lat")]
     if len(shared) < 2:
         raise Fault(f"Figure {title} has fewer than two columns that both runs have ({', '.join(shared) or 'none'}).")
-    buffer = io.BytesIO()
     with plt.style.context("default"), plt.rc_context({"figure.constrained_layout.use": True}):
         try:
             if not all(places):
@@ -60,16 +55,12 @@ def overlay(left: Columns, right: Columns, title: str) -> bytes:
             else:
                 figure = _maps(left, right, places, [c for c in shared if c not in places])
             figure.suptitle(title)
-            figure.savefig(buffer, format="png", dpi=110, metadata={"Software": None})
-            plt.close(figure)
+            return as_png(figure, 110)
         except (ValueError, MemoryError) as error:  # thousands of columns, an unpaired $ in a name, infinite places
             raise Fault(f"The columns of figure {title} cannot be drawn ({' '.join(str(error).split())}).") from error
-    return buffer.getvalue()
 
 
 def _curves(left: Columns, right: Columns, shared: Sequence[str]) -> Figure:
-    import matplotlib.pyplot as plt
-
     over, *columns = shared
     figure, axes = plt.subplots(len(columns), 1, figsize=(8, 2.6 * len(columns)), squeeze=False)
     for axis, column in zip(axes[:, 0], columns, strict=True):
@@ -90,8 +81,6 @@ def _scale(left: np.ndarray, right: np.ndarray) -> str:
 
 
 def _track(left: Columns, right: Columns, places: Sequence[str]) -> Figure:
-    import matplotlib.pyplot as plt
-
     figure, axis = plt.subplots(figsize=(8, 4.2))
     for columns, colour, name in ((left, _LEFT, "left"), (right, _RIGHT, "right")):
         axis.plot(columns[places[0]], columns[places[1]], ".", ms=2, color=colour, label=name)
@@ -101,9 +90,7 @@ def _track(left: Columns, right: Columns, places: Sequence[str]) -> Figure:
 
 
 def _maps(left: Columns, right: Columns, places: Sequence[str], columns: Sequence[str]) -> Figure:
-    """One row of maps per column; no difference where the runs have other places."""
-    import matplotlib.pyplot as plt
-
+    """Draw one row of maps per column; no difference where the runs have other places."""
     same = all(left[p].shape == right[p].shape and np.allclose(left[p], right[p]) for p in places)
     panels = 3 if same else 2
     figure, axes = plt.subplots(len(columns), panels, figsize=(4.6 * panels, 2.8 * len(columns)), squeeze=False)
@@ -123,7 +110,7 @@ def _largest(values: np.ndarray) -> float:
 
 
 def _map(axis: Axes, at: Columns, places: Sequence[str], values: np.ndarray, largest: float, label: str) -> None:
-    """Values on a complete grid as cells, else as points; the colour scale is symmetric about zero."""
+    """Draw a complete grid as cells, else points; the colour scale is symmetric about zero."""
     longitude, latitude = (at[p] for p in places)
     (east, i), (north, k) = (np.unique(x, return_inverse=True) for x in (longitude, latitude))
     look = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest, "rasterized": True}

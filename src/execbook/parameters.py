@@ -1,4 +1,4 @@
-"""The parameters of a notebook: read from its tagged cells, and checked with one clear sentence."""
+"""The parameters of a notebook: read from its tagged cells, checked in one clear sentence."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Interval(NamedTuple):
 
 
 class Parameter(NamedTuple):
-    """One parameter: type from the default; unit, range (interval or choices) and help from the comment."""
+    """One parameter: type from the default; unit, range and help from the comment."""
 
     name: str
     kind: str
@@ -81,7 +81,7 @@ class Parameter(NamedTuple):
         return ("a list, each item " if self.many else "") + " ".join(filter(None, words))
 
     def check(self, value: Any, base: Path | None = None) -> Any:
-        """Give the value in the parameter's own type; raises Misuse for another type or one out of range.
+        """Give the value in the parameter's own type; raises Misuse for one that does not fit.
 
         An int is taken for a float, but a bool is no number. A path is made absolute from `base` and must exist. An
         empty list is refused unless it is the default.
@@ -161,7 +161,7 @@ class Specification(NamedTuple):
         return {name: p.default for name, p in self.parameters.items()}
 
     def check(self, given: Mapping[str, Any], base: Path | None = None) -> dict[str, Any]:
-        """Give the values, checked; raises Misuse (with the valid names) for an unknown one or a wrong value."""
+        """Give the values, checked; raises Misuse for an unknown name or a wrong value."""
         return {name: self.known(name).check(value, base) for name, value in given.items()}
 
     def known(self, name: str) -> Parameter:
@@ -184,7 +184,7 @@ class Specification(NamedTuple):
         return "quick" if dict(values) == self.defaults | self.quick else "custom"
 
     def parse(self, assignments: Sequence[str], base: Path | None = None) -> dict[str, Any]:
-        """Read words `name=value` (YAML values) of a command line; raises Misuse for what is wrong in them."""
+        """Read words `name=value` (YAML values) of a command line; raises Misuse for wrong ones."""
         given: dict[str, Any] = {}
         for word in assignments:
             name, equals, text = word.partition("=")
@@ -218,7 +218,7 @@ def load(root: Path, name: str) -> Specification:
 
 
 def specification(notebook: NotebookNode, name: str) -> Specification:
-    """Read the cells tagged `parameters` and `quick`; raises Fault with notebook and line for malformed ones."""
+    """Read the cells tagged `parameters` and `quick`; raises Fault for malformed ones."""
     try:
         source, quick = notebooks.tagged(notebook, "parameters"), notebooks.tagged(notebook, "quick")
         spec = Specification(name, {p.name: p for p in _read_cell(source or "")}, {})
@@ -262,7 +262,7 @@ def _read_cell(source: str) -> list[Parameter]:
 
 
 def _describe(name: str, default: Any, comment: str) -> Parameter:
-    """Make a parameter of its default and comment `<range> <unit>: <help>`; the unit may begin with a type."""
+    """Make a parameter of its default and comment `<range> <type> <unit>: <help>`."""
     ranged = _RANGE.match(comment)
     unit, colon, text = comment[ranged.end() if ranged else 0 :].partition(":")
     if not colon:

@@ -1,4 +1,4 @@
-"""How far a running notebook is: what its kernel reports in a small file, and what the command displays of it."""
+"""How far a running notebook is: what its kernel reports, and the command displays."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Reporter:
         self._write()
 
     def __call__(self, what: str, share: float) -> None:
-        """Report the share done of the loop that runs; the time left follows from the time that it took."""
+        """Report the share done of a loop; the time left follows from the time that it took."""
         now = time.monotonic()
         if what != self._report.get("what") or share < self._report["share"]:
             self._begun, self._told = now, -1.0
@@ -54,7 +54,7 @@ class Reporter:
 
 
 def read(path: Path | None) -> dict[str, Any]:
-    """Read the last report, with some of `expected`, `what`, `share` and `left` [s]; nothing where there is none."""
+    """Read the last report, if any: some of `expected`, `what`, `share` and `left` (in s)."""
     try:
         return json.loads(path.read_text(encoding="utf-8")) if path else {}
     except (OSError, ValueError):
@@ -134,7 +134,7 @@ class Display:
 
 
 def _loop(report: dict[str, Any]) -> str:
-    """Give words on the loop that runs: `, normal equations 42 %, about 4 min to go`; nothing where none does."""
+    """Give words on the loop that runs, if one does: `, orbits 42 %, about 4 min to go`."""
     if not report.get("what") or report["share"] >= 1.0:
         return ""
     left = f", {duration(report['left'])} to go" if report["left"] is not None else ""

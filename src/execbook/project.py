@@ -1,4 +1,4 @@
-"""The project that a book belongs to: its folder, and what its `book/execbook.toml` declares.
+"""The project that a book belongs to: its folder, and what `book/execbook.toml` declares.
 
 command   name of the command, for the line that reruns a page
 package   Python package with the algorithms; a run depends on the modules of it that the notebook imports
@@ -23,10 +23,6 @@ ROOT = "EXECBOOK_ROOT"
 """Environment variable: folder of the project."""
 
 
-class ProjectNotFound(Fault):
-    """There is no project here."""
-
-
 class Project(NamedTuple):
     """The declarations of `book/execbook.toml`."""
 
@@ -38,7 +34,7 @@ class Project(NamedTuple):
 
 
 def root(start: Path | None = None, home: Path | None = None) -> Path:
-    """Find the project: `$EXECBOOK_ROOT`, else upward from `start` (default: the working directory), else `home`."""
+    """Find the project: `$EXECBOOK_ROOT`, else upward from `start` or from here, else `home`."""
     told = os.environ.get(ROOT)
     here = Path(told or start or Path.cwd()).resolve()
     for folder in (here, *([] if told else [*here.parents, *filter(None, [home])])):
@@ -47,15 +43,15 @@ def root(start: Path | None = None, home: Path | None = None) -> Path:
                 raise Fault(f"The path {str(folder)!r} has control characters or is not UTF-8; rename the folder.")
             return folder
     if told:
-        raise ProjectNotFound(f"{told!r} is no clone of the project: it lacks {MARK}; correct --root or {ROOT}.")
-    raise ProjectNotFound(
+        raise Fault(f"{told!r} is no clone of the project: it lacks {MARK}; correct --root or {ROOT}.")
+    raise Fault(
         f"No clone of the project was found upward from {here}, and the installed package carries the code alone; "
         f"change into a clone, or name it with --root or {ROOT}."
     )
 
 
 def read(root: Path) -> Project:
-    """Read the declarations of the project at `root`; raises Fault where the file is malformed."""
+    """Read the declarations of the project; raises Fault where the file is malformed."""
     try:
         return Project(**tomllib.loads((root / MARK).read_text(encoding="utf-8")))
     except (OSError, TypeError, ValueError) as error:

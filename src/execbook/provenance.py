@@ -1,4 +1,4 @@
-"""Where numbers come from: versions, commit, data and machine, without names of hosts or places."""
+"""Where numbers come from: versions, commit, data, machine; no names of hosts."""
 
 from __future__ import annotations
 
@@ -19,13 +19,12 @@ def describe(root: Path) -> dict[str, Any]:
         "commit": _git(root, "rev-parse", "HEAD"),
         "uncommitted_changes": bool(_git(root, "status", "--porcelain", "--untracked-files=no")),
         "data": project.vendored(root),
-        "processor": processor(),
+        "processor": _processor(),
         "setting": settings.present(),
     }
 
 
-def processor() -> str:
-    """Give the model of the processor."""
+def _processor() -> str:
     cpuinfo = Path("/proc/cpuinfo")  # Linux
     lines = cpuinfo.read_text().splitlines() if cpuinfo.is_file() else []
     found = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))

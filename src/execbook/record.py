@@ -1,4 +1,4 @@
-"""The record of a notebook: its checked parameters in, its named numbers, arrays, figures and tables out."""
+"""The record of a notebook: parameters in; named numbers, arrays, figures and tables out."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import ast
 import atexit
 import csv
 import io
-import json
 import math
 import numbers
 import os
@@ -15,17 +14,14 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from execbook import atomic, display, parameters, progress, project, provenance, runfolder
+from execbook import atomic, claims, display, parameters, progress, project, provenance, runfolder, verdicts
 from execbook.errors import Fault
 from execbook.memo import Memo
-
-if TYPE_CHECKING:
-    from execbook.claims import Claim
 
 T = TypeVar("T")
 OUT = "EXECBOOK_OUT"
@@ -108,7 +104,7 @@ class Notebook:
             self._reporter(what, done / len(items))
 
     def memo(self, function: Callable[..., T], ignore: Iterable[str] = ()) -> Callable[..., T]:
-        """Give the function with its results kept on disk, keyed by arguments and code; see `memo.Memo`."""
+        """Give the function with its results kept on disk; see `memo.Memo`."""
         return self._memo(function, ignore)
 
     def record(self, key: str, value: float, unit: str = "", finite: bool = True) -> None:
@@ -152,10 +148,7 @@ class Notebook:
         data        column name (with unit, `range_rate_m_s`) -> 1-D column; all of one length
         data_every  keep every so many rows of the columns; stated in the record
         """
-        self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
-        for word, text in (("caption", caption), ("alt", alt)):
-            if not str(text).strip():
-                raise Fault(f"Figure {name} has an empty {word}; every figure needs one.")
+        self._claim_shown("figure", name, caption=caption, alt=alt)
         images, width = zip(*(self._draw(name, theme, draw, args, kwargs) for theme in ("light", "dark")), strict=True)
         paths = {theme: f"figures/{name}.{theme}.png" for theme in ("light", "dark")}
         for path, image in zip(paths.values(), images, strict=True):
@@ -169,30 +162,23 @@ class Notebook:
         display.show(display.figure_bundle(record, images[0]))
 
     def _draw(self, name: str, theme: str, draw: Callable[..., Any], args: Any, kwargs: Any) -> tuple[bytes, int]:
-        import matplotlib.pyplot as plt
-
-        buffer = io.BytesIO()
         with project.theme(self._root, theme):
             figure = draw(*args, **kwargs)
             if not hasattr(figure, "savefig"):
                 given, kind = getattr(draw, "__name__", draw), type(figure).__name__
                 raise Fault(f"{given} gave {kind} for figure {name}; it must return a matplotlib Figure.")
-            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})  # same figure, same bytes
-            plt.close(figure)
-        return buffer.getvalue(), round(float(figure.get_size_inches()[0]) * 100)
+            return display.as_png(figure, DPI), round(float(figure.get_size_inches()[0]) * 100)
 
     def table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]], caption: str,
         formats: Sequence[str | None] | None = None,
     ) -> None:  # fmt: skip
-        """Keep a table as CSV (full digits) and display it (four digits, or by the `formats` of the columns).
+        """Keep a table as CSV with full digits, and display it with four or by the `formats`.
 
         header: (k,) names with units; rows: each (k,) of numbers, texts or None; formats: (k,) such as ".3e" or None.
         """
-        self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
+        self._claim_shown("table", name, caption=caption)
         rows = [list(row) for row in rows]
-        if not str(caption).strip():
-            raise Fault(f"Table {name} has an empty caption; every table needs one.")
         for row in [*rows, *([formats] if formats else [])]:
             if len(row) != len(header):
                 raise Fault(f"Table {name} has {len(header)} columns, but a row (or formats) of {len(row)}: {row}.")
@@ -210,16 +196,12 @@ class Notebook:
         self._shown[name] = "tables"
         display.show(display.table_bundle(record))
 
-    def claims(self) -> list[Claim]:
+    def claims(self) -> list[claims.Claim]:
         """List the claims of the paper's ledger that this notebook's numbers decide."""
-        from execbook import claims
-
         return claims.decided_by(self._root, self.name)
 
     def printed(self, claim: str) -> float:
-        """Give the number that the paper prints, as we read it; raises Fault for a claim without one."""
-        from execbook import claims
-
+        """Give the number that the paper prints, as we read it; raises Fault where there is none."""
         paper = self.name.partition("/")[0]
         for entry in claims.ledger(self._root, paper):
             if entry.id == claim and entry.reference is not None:
@@ -227,16 +209,14 @@ class Notebook:
         raise Fault(f"{claim} is no claim with a printed number in the ledger of {paper}.")
 
     def verdicts(self) -> None:
-        """Show the claims that this notebook's numbers decide; only the paper's own parameters are judged."""
-        from execbook import verdicts
-
+        """Show the claims that this notebook decides; only the paper's own parameters are judged."""
         judged = self.mode == "paper"
         header, rows, caption = verdicts.of_notebook(self._root, self.name, self._metrics, judged)
         if rows:
             self.table(f"verdicts-{self.name.rpartition('/')[2].lower()}", header, rows, caption)
 
     def finish(self) -> None:
-        """Write the record whole into the run folder `out`; raises Fault, leaving what stood there, where it cannot."""
+        """Write the record whole into the folder `out`; raises Fault, leaving what stood there."""
         self._open()
         if self._interactive:
             runfolder.refuse_foreign(self.out)
@@ -247,8 +227,7 @@ class Notebook:
             "seed": self.params.get("seed"),
             **provenance.describe(self._root),
             "arrays": {k: {"shape": list(a.shape), "unit": self._units[k]} for k, a in self._arrays.items()},
-            "figures": [name for name, kind in self._shown.items() if kind == "figures"],
-            "tables": [name for name, kind in self._shown.items() if kind == "tables"],
+            **{kind: [name for name, k in self._shown.items() if k == kind] for kind in ("figures", "tables")},
             "notes": self._notes,
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             "seconds": round(time.perf_counter() - self._started, 3),
@@ -256,8 +235,8 @@ class Notebook:
         buffer = io.BytesIO()
         np.savez(buffer, **self._arrays)
         self._write("arrays.npz", buffer.getvalue())
-        self._write("metrics.json", _json(self._metrics))
-        self._write("provenance.json", _json(described))
+        self._write("metrics.json", atomic.as_json(self._metrics).encode())
+        self._write("provenance.json", atomic.as_json(described).encode())
         atomic.swap_folder(self._staging, self.out)
         self._finished = True
         figures, tables = len(described["figures"]), len(described["tables"])
@@ -277,6 +256,13 @@ class Notebook:
             twice = [f" {name} = {value} has a value twice." for name, value in self.params.items() if _repeats(value)]
             raise Fault(f"{key!r} is recorded already; a name is recorded once.{''.join(twice)}")
 
+    def _claim_shown(self, kind: str, name: str, **words: str) -> None:
+        """Claim the name of a figure or table, which needs all of the words."""
+        self._claim(name, self._shown, _NAME, "lower case letters, digits, - and _")
+        for word, text in words.items():
+            if not str(text).strip():
+                raise Fault(f"{kind.capitalize()} {name} has an empty {word}; every {kind} needs one.")
+
     def _write(self, path: str, content: bytes) -> None:
         target = self._staging / path
         with atomic.explained(self.out / path):
@@ -285,7 +271,7 @@ class Notebook:
 
 
 def _injected(namespace: Mapping[str, Any]) -> set[str]:
-    """Give the names assigned in the cell that papermill injects, from IPython's list of executed cells."""
+    """Give the names that papermill's cell assigns, from IPython's list of executed cells."""
     cells = [c for c in namespace.get("In", ()) if isinstance(c, str) and c.startswith("# Parameters\n")]
     nodes = [node for cell in cells for node in ast.parse(cell).body if isinstance(node, ast.Assign)]
     return {target.id for node in nodes for target in node.targets if isinstance(target, ast.Name)}
@@ -308,11 +294,7 @@ def _csv(rows: Iterable[Sequence[Any]]) -> bytes:
     return buffer.getvalue().encode()
 
 
-def _json(value: Any) -> bytes:
-    return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
 def _repeats(value: Any) -> bool:
-    """Tell whether two items of a list are the same, or so close that a recorded name has them so."""
+    """Tell whether two items of a list look the same in a recorded name."""
     words = [f"{item:g}" if isinstance(item, float) else str(item) for item in value] if isinstance(value, list) else []
     return len(set(words)) < len(words)

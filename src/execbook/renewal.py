@@ -1,4 +1,4 @@
-"""Renewing the stored references and their spreads: every notebook at both scales, in every computing setting."""
+"""Renewing stored references and spreads: each notebook at both scales, in every setting."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import numpy as np
 
 from execbook import (
     atomic,
-    check,
     children,
     claims,
     execute,
@@ -37,13 +35,13 @@ _SAMPLES = 400  # values of one array that are stored
 
 
 def renew(root: Path, reason: str, names: Sequence[str] | None = None, quick: bool = True) -> int:
-    """Renew the references of `names` (default: all notebooks), print what moved, note the reason; gives how many.
+    """Renew the references of `names`, print what moved, note the reason; gives how many.
 
     Raises Misuse where the reason is empty, or a notebook's run in the book is not from the present sources.
     """
     if not reason.strip():
         raise Misuse('A renewal needs a reason, for CHANGELOG.md; give --reason "why the numbers move".')
-    moved = sum(len(found) for found in _settle(root, names, quick, moves=True))
+    moved = _settle(root, names, quick, moves=True)
     if moved:
         note_reason(root, reason.strip(), moved)
     if claims.papers(root) and (root / "README.md").is_file() and not verdicts.readme_agrees(root):
@@ -52,31 +50,30 @@ def renew(root: Path, reason: str, names: Sequence[str] | None = None, quick: bo
 
 
 def widen(root: Path, names: Sequence[str] | None = None, quick: bool = True) -> int:
-    """Widen the stored spreads of `names` to what is seen in every setting; no stored value changes.
+    """Widen the stored spreads to what is seen in every setting; no stored value changes.
 
     Gives how many numbers are beyond their tolerance so far; they are printed.
     """
-    return sum(len(found) for found in _settle(root, names, quick, moves=False))
+    return _settle(root, names, quick, moves=False)
 
 
-def _settle(
-    root: Path, names: Sequence[str] | None, quick: bool, moves: bool
-) -> Iterator[list[tuple[str, Difference]]]:
-    """Compute and store; gives for each notebook and scale what moved, or is beyond its tolerance in which setting."""
+def _settle(root: Path, names: Sequence[str] | None, quick: bool, moves: bool) -> int:
+    """Compute and store; prints and counts what moved, or what is beyond its tolerance."""
     names = list(names or notebooks.names(root))
     for name in names:
         if not graph.is_fresh(graph.run_folder(root, name), graph.key(root, name)):
             raise Misuse(f"{name} has no run from the present sources; make book executes it, then renew.")
-    scales = [(name, mode) for name in names for mode in ("paper", "quick")[: 1 + (quick and _has_quick(root, name))]]
-    runs = _runs(root, scales)
+    quicks = {name for name in names if quick and _has_quick(root, name)}
+    scales = [(name, mode) for name in names for mode in ("paper", "quick") if mode == "paper" or name in quicks]
+    runs, count = _runs(root, scales), 0
     for name, mode in scales:
         folders = {setting: runs[name, mode, setting] for setting in settings.names()}
         beyond = [] if moves else [(s, d) for s, f in folders.items() for d in _problems(root, f)]
         stored = [(settings.NATIVE, d) for d in store(root, folders, moves)]
-        found = stored if moves else beyond
-        for setting, difference in found:
-            sys.stdout.write(f"{name} ({mode}, {setting}) {check.describe(difference)}\n")
-        yield found
+        for setting, difference in stored if moves else beyond:
+            sys.stdout.write(f"{name} ({mode}, {setting}) {difference}\n")
+            count += 1
+    return count
 
 
 def _problems(root: Path, folder: Path) -> list[Difference]:
@@ -106,20 +103,13 @@ def _runs(root: Path, scales: Sequence[tuple[str, str]]) -> dict[tuple[str, str,
         with display.notebook(f"{name} ({mode}, {setting})") as progress:
             execute.run(root, name, out=runs[job], quick=quick, page=False, setting=setting, progress=progress, key=key)
 
-    with Display() as display, ThreadPoolExecutor(graph.WORKERS) as pool:
-        tasks = [pool.submit(one, job) for job in runs]
-        try:
-            for task in tasks:
-                task.result()
-        except BaseException:  # the first failure ends it; what is finished stays
-            pool.shutdown(wait=False, cancel_futures=True)
-            children.stop()
-            raise
+    with Display() as display:
+        children.in_parallel(graph.WORKERS, one, runs)  # the first failure ends it; what is finished stays
     return runs
 
 
 def store(root: Path, folders: Mapping[str, Path], moves: bool = True) -> list[Difference]:
-    """Store the runs of one notebook, setting -> folder, as its reference; gives what moved (all keys of a first one).
+    """Store the runs of one notebook, setting -> folder, as its reference; gives what moved.
 
     A number within its tolerance natively keeps its stored value, and its spread only grows; one that moved takes the
     native value and the spread of these runs, or, unless `moves`, stays as it is stored. Anchors stay. Raises Misuse
@@ -151,7 +141,6 @@ def store(root: Path, folders: Mapping[str, Path], moves: bool = True) -> list[D
             kept.setdefault(key, array.ravel()[::stride])
             alike = (run[2][key] for run in runs if key in run[2] and list(run[2][key].shape) == entry["shape"])
             seen = [kept[key], *(a.ravel()[:: entry["stride"]] for a in alike)]
-        entry = {k: v for k, v in entry.items() if k not in tolerance.Tolerance.model_fields}  # an earlier one
         entries[key] = entry | spread(seen, entry)
     for key, entry in known.items():
         if anchors := entry.get("anchors"):
@@ -175,7 +164,7 @@ def _write(path: Path, entries: Mapping[str, Any], samples: Mapping[str, np.ndar
 
 
 def spread(seen: Sequence[Any], known: Mapping[str, Any]) -> dict[str, float]:
-    """Give the spread of the values (or samples of an array) seen, and the largest where they are rounding."""
+    """Give the spread of the values or samples seen, and the largest where they are rounding."""
     values = np.array(seen, dtype=float).reshape(len(seen), -1)
     values = values[:, np.isfinite(values).all(axis=0)]
     widest = max(float(np.ptp(values, axis=0).max(initial=0.0)), known.get("spread", 0.0))
@@ -185,7 +174,7 @@ def spread(seen: Sequence[Any], known: Mapping[str, Any]) -> dict[str, float]:
 
 
 def note_reason(root: Path, reason: str, moved: int) -> None:
-    """Add the reason to the top section of CHANGELOG.md (`## Unreleased`, made where it is missing)."""
+    """Add the reason to the section `## Unreleased` of CHANGELOG.md, made where it is missing."""
     path = root / "CHANGELOG.md"
     text = path.read_text(encoding="utf-8") if path.is_file() else "# Changelog\n"
     line = f"- References renewed ({moved} {'number' if moved == 1 else 'numbers'} moved or new): {reason}\n"

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from execbook.errors import Misuse, is_plain, shown
+from execbook.errors import Misuse, explain, is_plain, shown
 
 _PROVENANCE = "provenance.json"
 PAGE = "compare.html"
@@ -45,6 +45,17 @@ class _Provenance(_Strict):
     arrays: dict[_Key, _Array]
 
 
+def run_folder(root: Path, name: str) -> Path:
+    """Give the run folder of a notebook in the book."""
+    return root / "book" / "_build" / "runs" / name
+
+
+def provenance(folder: Path) -> dict[str, Any] | None:
+    """Read what a run of our own tells of itself, or give None where there is none."""
+    path = folder / _PROVENANCE
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+
+
 def read(folder: Path) -> tuple[dict[str, Any], dict[str, dict[str, Any]], dict[str, np.ndarray]]:
     """Read provenance, numbers and arrays of a run folder; nothing in the files can run code.
 
@@ -71,15 +82,13 @@ def _read_json(folder: Path, name: str, form: Any) -> Any:
     try:
         value = json.loads((folder / name).read_text(encoding="utf-8"))
         TypeAdapter(form).validate_python(value)
+        return value
     except OSError as error:
         raise _no_run(folder, error) from error
     except ValidationError as error:
-        problem = error.errors(include_input=False)[0]
-        place = ", ".join(shown(str(word), 60) for word in problem["loc"])
-        raise _damaged(folder / name, f"{place or 'all'}: {problem['msg']}") from error
+        raise _damaged(folder / name, shown(explain(error), 200)) from error
     except (ValueError, RecursionError) as error:
         raise _damaged(folder / name, "no whole JSON") from error
-    return value
 
 
 def _no_run(folder: Path, error: OSError) -> Misuse:
@@ -94,28 +103,20 @@ def refuse_foreign(folder: Path) -> None:
     """Raise Misuse where a new run in `folder` would remove anything but a run."""
     if folder.exists() and not folder.is_dir():
         raise Misuse(f"{folder} is a file; a run is written into a folder: name a new one.")
-    if not (folder / _PROVENANCE).is_file():
-        inside = sorted(p.name for p in folder.iterdir() if p.name not in _LITTER) if folder.is_dir() else []
-        if inside:
-            raise Misuse(
-                f"{folder} holds other things ({', '.join(map(shown, inside[:3]))}); "
-                "name a new or empty folder, or that of an earlier run."
-            )
-        return
-    known = _run_files(folder)
-    other = [path for path in sorted(_files(folder)) if path not in known]
-    if other:
-        more = " and more" if len(other) > 3 else ""
+    known, inside = _LITTER, sorted(os.listdir(folder)) if folder.is_dir() else []
+    if _PROVENANCE in inside:
+        known, inside = _run_files(folder), sorted(_files(folder))
+    if foreign := [name for name in inside if name not in known]:
+        words = ", ".join(map(shown, foreign[:3])) + (" and more" if len(foreign) > 3 else "")
         raise Misuse(
-            f"{folder} holds {', '.join(map(shown, other[:3]))}{more}, which a new run would remove; "
-            "move that elsewhere, or name another folder."
+            f"{folder} holds {words}, which a new run would remove; move that elsewhere, or name another folder."
         )
 
 
 def _run_files(folder: Path) -> set[str]:
     """Name all that may be in a run folder, by its own provenance."""
     try:
-        told = json.loads((folder / _PROVENANCE).read_text(encoding="utf-8"))
+        told = provenance(folder)
         figures, tables = ([str(name) for name in told.get(kind, ())] for kind in ("figures", "tables"))
     except (OSError, ValueError, AttributeError, TypeError, RecursionError):
         raise Misuse(
@@ -127,9 +128,9 @@ def _run_files(folder: Path) -> set[str]:
 
 
 def _files(folder: Path) -> Iterator[str]:
-    """Name the files below a folder, and its links to folders, relative to it."""
+    """Name the files and links below a folder, relative to it."""
     for place, folders, names in os.walk(folder):
-        folders[:] = sorted(name for name in folders if name not in _LITTER)
+        folders[:] = [name for name in folders if name not in _LITTER]
         links = [name for name in folders if os.path.islink(os.path.join(place, name))]
         for name in [*names, *links]:
             if name not in _LITTER:
@@ -137,7 +138,7 @@ def _files(folder: Path) -> Iterator[str]:
 
 
 def chosen(out: Path, root: Path) -> Path:
-    """Give the folder that a user names, absolute; raises Misuse for one that must not be written."""
+    """Give a user's folder, absolute; raises Misuse for one that must not be written."""
     try:
         folder = out.resolve()
         with suppress(FileNotFoundError, NotADirectoryError):

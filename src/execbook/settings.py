@@ -1,4 +1,4 @@
-"""Computing settings: what decides the last digits of a number, here and as on other processors.
+"""Computing settings: what decides the last digits of a number, on any processor.
 
 NumPy, OpenBLAS and numba choose their machine code by processor, and each choice rounds in another order. A setting is
 a set of environment variables that makes them choose as on another processor; it acts on a process at its start.
@@ -38,7 +38,7 @@ def names() -> list[str]:
 
 
 def environment(name: str) -> dict[str, str]:
-    """Give the environment variables of a setting; raises Misuse for one that this machine does not have."""
+    """Give the environment variables of a setting; raises Misuse for one of other machines."""
     if name not in names():
         raise Misuse(f"{name!r} is no setting of this machine; it has {', '.join(names())}.")
     variables = dict(_EMULATED.get(name, {}))
@@ -55,7 +55,7 @@ def _extensions() -> list[str]:
 
 @functools.cache
 def present() -> dict[str, Any]:
-    """Describe what this process computes with: BLAS kernel and threads, numba's target, NumPy's `exp`."""
+    """Describe what this process computes with: BLAS, threads, numba's target, `exp`."""
     from llvmlite import binding
 
     kernel, threads = _blas()
@@ -73,7 +73,7 @@ def present() -> dict[str, Any]:
 
 
 def _blas() -> tuple[str, int]:
-    """Give kernel and threads of the OpenBLAS that NumPy brings; of another library its name and threads."""
+    """Give kernel and threads of NumPy's OpenBLAS; of another library its name and threads."""
     from threadpoolctl import threadpool_info
 
     for library in threadpool_info():

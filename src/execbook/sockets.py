@@ -1,4 +1,4 @@
-"""Sockets to talk to a kernel: files in a folder of this user, so that no network is needed and nobody else listens."""
+"""Sockets to talk to a kernel: files, without a network and with nobody listening."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST = 100  # bytes of a socket's path; systems take 104 to 108
 
 @contextlib.contextmanager
 def folder() -> Iterator[Path]:
-    """Make a temporary folder for the sockets of one kernel; those of killed processes are removed first.
+    """Make a temporary folder for the sockets of a kernel; those of killed processes go.
 
     Raises Fault where no folder can be made, or its path is too long for a socket.
     """

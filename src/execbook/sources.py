@@ -1,4 +1,4 @@
-"""The code behind a result: a hash of modules and of all that they import in their own packages.
+"""The code behind a result: a hash of modules and all that they import of their own.
 
 The memo of heavy results and the cache of executed notebooks ask it whether the code is still the one they know.
 """
@@ -39,7 +39,7 @@ def _statements(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def imported_modules(source: str, packages: Collection[str], parent: str = "") -> set[str]:
-    """Give the modules of `packages` that a Python text imports; `parent` resolves its relative imports."""
+    """Give the modules of `packages` that a text imports; `parent` resolves relative imports."""
     names: set[str] = set()
     for node in _statements(ast.parse(source)):
         if isinstance(node, ast.Import):

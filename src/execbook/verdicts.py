@@ -38,7 +38,7 @@ def _digits(value: float) -> int:
 
 
 def of_notebook(root: Path, notebook: str, metrics: Metrics, judged: bool) -> tuple[list[str], list[list[str]], str]:
-    """Give header, rows and caption of the claims that this notebook decides; no verdicts unless `judged`."""
+    """Give header, rows and caption of the claims that a notebook decides, `judged` or not."""
     rows = [row(judge(claim, lambda _: metrics), judged) for claim in decided_by(root, notebook)]
     keep = [k for k, name in enumerate(HEADER) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
     caption = "What the paper prints, how we read it, our number, and the verdict."
@@ -62,7 +62,7 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
 
 
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
-    """Give the ledger of a paper with our numbers and verdicts; `expected` is the verdict of the file."""
+    """Give the ledger of a paper with our numbers and verdicts beside the `expected` ones."""
     found = []
     for claim, ours, verdict, why, margin in judge_paper(root, paper):
         entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
@@ -87,7 +87,7 @@ def readme_with_block(root: Path) -> str:
 
 
 def readme_agrees(root: Path) -> bool:
-    """Tell whether the README's block is what the ledgers say now; before all are computed nothing can differ."""
+    """Tell whether the README's block is what the ledgers say; nothing is, until computed."""
     return _not_computed(root) > 0 or readme_with_block(root) == (root / "README.md").read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""YAML 1.2 as people type it: `1e-12` is a number, `no` and `12:30` are text, and a key given twice is refused."""
+"""YAML 1.2 as people type it: `1e-12` is a number, `no` and `12:30` are text."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ruamel.yaml.error import YAMLError
 
 
 def parse(text: str) -> Any:
-    """Give the value of a YAML text; raises ValueError, with the place, for what cannot be read.
+    """Give the value of a YAML text; raises ValueError, with the place, for what is wrong.
 
-    Anchors, aliases and tags are refused, and so is deep nesting: a few bytes of them can fill the memory.
+    A key given twice is refused, and so are anchors, aliases, tags and deep nesting: a few bytes can fill the memory.
     """
     try:
         for event in YAML(typ="safe", pure=True).parse(text) if {"&", "*", "!"} & set(text) else ():

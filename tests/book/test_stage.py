@@ -59,8 +59,8 @@ def test_a_table_becomes_a_directive_and_its_bars_are_escaped(toy_root: Path) ->
 
 def test_the_reason_of_a_verdict_stands_below_the_claim(toy_root: Path) -> None:
     assert (
-        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n| --- | --- | --- |\n"
-        "| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
+        "```{table} Claims.\n:name: verdicts-toy-01-wave\n\n| The paper says | Ours | Verdict |\n"
+        "| :--- | :--- | :--- |\n| Fig. 1: a<br><small>a was tuned</small> | 1.2\u00a0×\u00a010⁻³ | calibrated |\n```"
     ) in text(toy_root, "markdown")
 
 
@@ -97,11 +97,9 @@ def test_a_name_of_a_figure_stands_once_in_the_book(toy_root: Path) -> None:
     toc = toy_root / "book/_toc.yml"
     line = f"    - file: {toybook.PAGE}\n"
     toc.write_text(toc.read_text().replace(line, f"{line}    - file: {other}\n"))
-    with pytest.raises(
-        stage.StageError, match=f"'wave' names a figure or table of {toybook.PAGE} and .* {other}; rename"
-    ):
-        stage.stage(toy_root)
-    assert not (toy_root / "book/_build/site").exists()
+    stage.stage(toy_root)
+    with pytest.raises(Fault, match=f"(?s){other}.*duplicate label wave, other instance in .*{toybook.PAGE}"):
+        html.build(toy_root)
 
 
 def test_code_is_folded_joined_and_without_machinery(toy_root: Path) -> None:
@@ -201,20 +199,20 @@ def test_what_is_missing_is_named(toy_root: Path) -> None:
     figure = toy_root / RUN / "figures/wave.dark.png"
     kept = figure.read_bytes()
     figure.unlink()
-    with pytest.raises(stage.StageError, match=r"wave\.dark\.png is missing, though the notebook recorded it"):
+    with pytest.raises(Fault, match=r"wave\.dark\.png is missing, though the notebook recorded it"):
         stage.stage(toy_root)
     figure.write_bytes(kept)
     shutil.rmtree(toy_root / RUN)
-    with pytest.raises(stage.StageError, match=r"not executed yet: toy/01-wave"):
+    with pytest.raises(Fault, match=r"not executed yet: toy/01-wave"):
         stage.stage(toy_root)
     (toy_root / "book/practice/rerun.md").unlink()
-    with pytest.raises(stage.StageError, match=r"lists pages that do not exist: book/practice/rerun\.md"):
+    with pytest.raises(Fault, match=r"lists pages that do not exist: book/practice/rerun\.md"):
         stage.stage(toy_root)
 
 
 def test_a_notebook_outside_the_contents_is_named(toy_root: Path) -> None:
     shutil.copyfile(toy_root / f"book/{toybook.PAGE}.md", toy_root / "book/toy/02-tiny.md")
-    with pytest.raises(stage.StageError, match=r"^book/toy/02-tiny\.md is not in book/_toc\.yml; add it there\.$"):
+    with pytest.raises(Fault, match=r"^book/toy/02-tiny\.md is not in book/_toc\.yml; add it there\.$"):
         stage.stage(toy_root)
 
 
@@ -222,7 +220,7 @@ def test_the_site_is_whole_or_the_last_one(toy_root: Path) -> None:
     site = stage.stage(toy_root)
     before = tree(site)
     (toy_root / RUN / "tables/rms.csv").unlink()
-    with pytest.raises(stage.StageError):
+    with pytest.raises(Fault, match=r"rms\.csv is missing"):
         stage.stage(toy_root)
     assert tree(site) == before
     assert [p.name for p in site.parent.iterdir() if p.name.startswith(".site")] == []
@@ -279,11 +277,10 @@ def test_an_unchanged_book_is_left_alone_and_a_failing_one_leaves_the_last(toy_r
     assert index.stat().st_ino == inode
     (toy_root / "book/index.md").write_text("# A toy book\n\n{numref}`nowhere`\n")
     stage.stage(toy_root)
-    with pytest.raises(html.BookError, match=r"(?s)the last good one stays.*WARNING.*nowhere"):
+    with pytest.raises(Fault, match=r"(?s)the last good one stays.*WARNING.*nowhere"):
         html.build(toy_root)
     assert tree(book) == before
     assert "nowhere" in (book.parent / "html.log").read_text()
-    assert (html.build(toy_root, strict=False) / "index.html").stat().st_ino != inode
 
 
 def test_a_damaged_and_a_deleted_page_are_made_anew(toy_root: Path) -> None:
@@ -297,7 +294,7 @@ def test_a_damaged_and_a_deleted_page_are_made_anew(toy_root: Path) -> None:
 
 
 def test_without_a_staged_book_there_is_nothing_to_build(toy_root: Path) -> None:
-    with pytest.raises(html.BookError, match=r"holds no staged book"):
+    with pytest.raises(Fault, match=r"holds no staged book"):
         html.build(toy_root)
 
 

@@ -18,7 +18,6 @@ import pytest
 
 from execbook import atomic, blocks, execute, notebooks, progress
 from execbook.errors import Fault, Misuse
-from execbook.execute import ExecutionFailed
 
 
 def hidden(folder):
@@ -114,7 +113,7 @@ def test_failure_names_notebook_cell_line_and_error(toy, break_constant):
     out = toy / "good"
     execute.run(toy, "toy/02-constant", out=out, page=False)
     before = {p.name: p.read_bytes() for p in out.iterdir()}
-    with pytest.raises(ExecutionFailed) as caught:
+    with pytest.raises(Fault) as caught:
         execute.run(toy, "toy/02-constant", {"divisor": 0}, out=out)
     message = str(caught.value).splitlines()
     assert message[0] == "FAILED toy/02-constant: cell [4]: ZeroDivisionError: float division by zero"
@@ -131,7 +130,7 @@ def test_failure_names_notebook_cell_line_and_error(toy, break_constant):
 def test_a_notebook_that_does_not_finish(toy):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(path.read_text().replace("nb.finish()", "pass"))
-    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: it ended without nb.finish"):
+    with pytest.raises(Fault, match="FAILED toy/02-constant: it ended without nb.finish"):
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert not (toy / "out").exists()
 
@@ -139,7 +138,7 @@ def test_a_notebook_that_does_not_finish(toy):
 def test_a_kernel_that_dies(toy):
     path = toy / "book" / "toy" / "02-constant.md"
     path.write_text(path.read_text().replace("half = 0.5", "import os; os._exit(1)"))
-    with pytest.raises(ExecutionFailed, match="FAILED toy/02-constant: the kernel stopped"):
+    with pytest.raises(Fault, match="FAILED toy/02-constant: the kernel stopped"):
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert hidden(toy) == [".cache"]
 
@@ -160,7 +159,7 @@ def test_disk_full_in_the_kernel(toy):
         "def full(*_):\n    raise OSError(28, 'No space left on device')\npathlib.Path.write_bytes = full\nnb.finish()"
     )
     path.write_text(path.read_text().replace("nb.finish()", full))
-    with pytest.raises(ExecutionFailed, match=f"Cannot write {toy}/out/arrays.npz: the disk is full") as caught:
+    with pytest.raises(Fault, match=f"Cannot write {toy}/out/arrays.npz: the disk is full") as caught:
         execute.run(toy, "toy/02-constant", out=toy / "out")
     assert "partial" not in str(caught.value)
 
@@ -168,7 +167,7 @@ def test_disk_full_in_the_kernel(toy):
 def test_folders_that_are_not_ours_are_not_replaced(toy):
     (toy / "mine").mkdir()
     (toy / "mine" / "thesis.tex").touch()
-    with pytest.raises(Misuse, match=r"mine holds other things \(thesis.tex\); name a new or empty folder"):
+    with pytest.raises(Misuse, match=r"mine holds thesis.tex, which a new run would remove; move that elsewhere"):
         execute.run(toy, "toy/02-constant", out=toy / "mine")
     with pytest.raises(Misuse, match="README.md is a file"):
         execute.run(toy, "toy/02-constant", out=toy / "README.md")
@@ -330,14 +329,14 @@ def test_a_long_loop_tells_its_share_while_it_runs(toy):
 ])  # fmt: skip
 def test_memory_that_runs_out_is_one_sentence(toy, code, why):
     edit_constant(toy, code)
-    with pytest.raises(ExecutionFailed) as caught:
+    with pytest.raises(Fault) as caught:
         execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
     assert str(caught.value).splitlines()[0].startswith(f"FAILED toy/02-constant: {why}")
 
 
 def test_a_kernel_that_the_system_kills_says_what_it_may_be(toy):
     edit_constant(toy, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
-    with pytest.raises(ExecutionFailed, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
+    with pytest.raises(Fault, match="the kernel stopped .*; if nobody stopped it, memory ran out"):
         execute.run(toy, "toy/02-constant", out=toy / "out", page=False)
 
 
@@ -416,14 +415,9 @@ def test_prose_of_a_page(toy):
 
 
 def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
-    from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
-
     def filled(lenient: bool) -> str:
         text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
-        notebook = new_notebook(cells=[new_markdown_cell(text), new_code_cell(text)])
-        blocks.insert_own(notebook, "p/01-a", metrics, tmp_path, lenient)
-        assert notebook.cells[1].source == text
-        return notebook.cells[0].source.replace("\xa0", " ")
+        return blocks.fill_own(text, tmp_path, "p/01-a", metrics, lenient).replace("\xa0", " ")
 
     metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
     book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
