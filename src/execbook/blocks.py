@@ -58,8 +58,8 @@ def fill_own(text: str, root: Path, name: str, metrics: claims.Metrics, lenient:
     return _NUMBER.sub(number, text)
 
 
-def _quantity(told: Mapping[str, Any] | None) -> str:
-    return "–" if told is None or told["value"] is None else display.quantity(told["value"], told["unit"], 3)
+def _quantity(entry: Mapping[str, Any] | None) -> str:
+    return "–" if entry is None or entry["value"] is None else display.quantity(entry["value"], entry["unit"], 3)
 
 
 def table_directive(caption: str, label: str, table: str) -> str:

@@ -65,21 +65,21 @@ class Comparison(NamedTuple):
         return f"The numbers are expected to differ, because the parameters do ({names}; {sides})."
 
 
-def resolve(root: Path, word: str, base: Path) -> Path:
-    """Give the run folder that a word means: a folder, or the book's run of a notebook."""
+def resolve(root: Path, text: str, base: Path) -> Path:
+    """Give the run folder that a path or a name means: a folder, or the book's run of a notebook."""
     try:
-        folder = (base / word).resolve()
+        folder = (base / text).resolve()
         if (folder / "provenance.json").is_file():
             return folder
     except (OSError, RuntimeError, ValueError):  # longer than a path may be, or a loop of links
         pass
-    word = notebooks.name_of(root, word)
-    if word in notebooks.names(root):
-        folder = graph.run_folder(root, word)
+    text = notebooks.name_of(root, text)
+    if text in notebooks.names(root):
+        folder = graph.run_folder(root, text)
         if (folder / "provenance.json").is_file():
             return folder
-        raise Misuse(f"{word} has no run in the book yet; make one with the command build.")
-    raise Misuse(f"{shown(word)} is no folder of a run and no notebook; the command run prints the folder last.")
+        raise Misuse(f"{text} has no run in the book yet; make one with the command build.")
+    raise Misuse(f"{shown(text)} is no folder of a run and no notebook; the command run prints the folder last.")
 
 
 def compare(root: Path, left: Path, right: Path | None) -> Comparison:

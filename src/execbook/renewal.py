@@ -95,7 +95,7 @@ def _runs(root: Path, scales: Sequence[tuple[str, str]]) -> dict[tuple[str, str,
             books = (mode, setting) == ("paper", settings.NATIVE)
             runs[name, mode, setting] = graph.run_folder(root, name) if books else made
 
-    def one(job: tuple[str, str, str]) -> None:
+    def compute(job: tuple[str, str, str]) -> None:
         name, mode, setting = job
         if graph.is_fresh(runs[job], key := graph.key(root, name)):
             return
@@ -104,7 +104,7 @@ def _runs(root: Path, scales: Sequence[tuple[str, str]]) -> dict[tuple[str, str,
             execute.run(root, name, out=runs[job], quick=quick, page=False, setting=setting, progress=progress, key=key)
 
     with Display() as display:
-        children.in_parallel(graph.WORKERS, one, runs)  # the first failure ends it; what is finished stays
+        children.in_parallel(graph.WORKERS, compute, runs)  # the first failure ends it; what is finished stays
     return runs
 
 

@@ -243,9 +243,9 @@ def _example(shown: list[parameters.Parameter]) -> str:
     return next((f"{p.name}=[{','.join(map(str, p.default[:-1]))}]" for p in lists), "")
 
 
-def _made(told: dict[str, Any]) -> str:
-    commit = f"commit `{told['commit'][:10]}`" if told["commit"] else "sources outside git"
-    if told["commit"] and told["uncommitted_changes"]:
+def _made(record: dict[str, Any]) -> str:
+    commit = f"commit `{record['commit'][:10]}`" if record["commit"] else "sources outside git"
+    if record["commit"] and record["uncommitted_changes"]:
         commit += " with uncommitted changes"
-    versions = ", ".join(f"{name} {told['versions'][name]}" for name in ("python", "numpy", "scipy", "numba"))
-    return f"Computed {told['finished']} in {told['seconds']:.1f} s from {commit} ({versions}; {told['processor']})."
+    versions = ", ".join(f"{name} {record['versions'][name]}" for name in ("python", "numpy", "scipy", "numba"))
+    return f"Computed {record['finished']} in {record['seconds']:.1f} s from {commit} ({versions}; {record['processor']})."

@@ -119,11 +119,13 @@ def test_a_lock_that_the_system_refuses_is_one_sentence(tmp_path, monkeypatch, n
 
     monkeypatch.setattr(os, "open", refuse)
     cache = tmp_path / ".cache"
-    with pytest.raises(
-        Fault, match=f"^Cannot write {cache}/build.lock: {why.format(cache)}.*; nothing there was changed"
+    with (
+        pytest.raises(
+            Fault, match=f"^Cannot write {cache}/build.lock: {why.format(cache)}.*; nothing there was changed"
+        ),
+        atomic.locked(cache / "build.lock"),
     ):
-        with atomic.locked(cache / "build.lock"):
-            raise AssertionError
+        raise AssertionError
 
 
 def test_a_file_in_the_place_of_the_folder_of_locks(tmp_path):

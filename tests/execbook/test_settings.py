@@ -51,5 +51,5 @@ def test_extensions_unknown_to_numpy_are_not_named_to_it(monkeypatch):
     monkeypatch.setattr(settings.platform, "machine", lambda: "x86_64")
     monkeypatch.setattr(settings, "_extensions", lambda: ["X86_V3", "OTHER"])
     assert settings.environment("no-fma")["NPY_DISABLE_CPU_FEATURES"] == "X86_V3"
-    monkeypatch.setattr(settings, "_extensions", lambda: [])
+    monkeypatch.setattr(settings, "_extensions", list)
     assert settings.names() == ["native", "no-fma"]

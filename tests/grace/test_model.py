@@ -123,7 +123,7 @@ def test_process_noise_composes():
 
 def test_erratum_50_misplaced_term():
     """Printed with ten rows, h^2/2 in the velocity row: then two steps are not one."""
-    h, I = 15.0, np.eye(3)  # noqa: E741
+    h, I = 15.0, np.eye(3)
 
     def printed(h):
         return np.block([[I, h * I, 0 * I], [0 * I, I, h**2 / 2 * I], [0 * I, 0 * I, I]])

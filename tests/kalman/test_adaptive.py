@@ -94,7 +94,7 @@ def written_out(by, V, P, H, R, k=3, floor=1e-3):
         s = (V**2 / r).sum()
         return max(min(1.0, np.diag(H @ P @ H.T / r).sum() / (s - m)) if s > m else 1.0, floor), one
     if by == "trace":
-        return max(min(1.0, np.trace(H @ P @ H.T) / (V @ V - np.trace(R))) if V @ V > np.trace(S) else 1.0, floor), one
+        return max(min(1.0, np.trace(H @ P @ H.T) / (V @ V - np.trace(R))) if np.trace(S) < V @ V else 1.0, floor), one
     if by == "three_part":
         return max(igg3(np.sqrt(V @ np.linalg.solve(S, V) / m)), floor), one
     if by == "two_part":

@@ -74,7 +74,9 @@ def test_wrong_input_is_named():
     h, H = (lambda x, t: x), (lambda x, t: np.eye(1))
     z = [[1.0], [1.0]]
 
-    def filtered(sensors=(Sensor(z, Q, h, H),), **new):
+    known = (Sensor(z, Q, h, H),)
+
+    def filtered(sensors=known, **new):
         return run(prior, [0.0, 1.0], Model(**{"f": f, "F": F, "Q": Q, **new}), sensors)
 
     assert len(filtered()) == 2

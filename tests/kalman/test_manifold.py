@@ -150,7 +150,7 @@ def test_compiled_functions_give_what_python_functions_give(options):
     compiled = run(
         prior, t, Model(f=roll, Q=Q, manifold=wheel), [Sensor(z, [[2.5e-3]], h=mark, inputs=seen)], **options
     )
-    row = {now: values for now, values in zip(t, seen, strict=True)}
+    row = dict(zip(t, seen, strict=True))
 
     def called(function, size):
         def result(*arguments):

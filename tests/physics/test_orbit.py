@@ -294,7 +294,7 @@ def test_a_fall_is_refused(method):
 
 def test_errors_say_what_would_be_right(field):
     params, y0 = gravity_params(field, OMEGA_EARTH), kepler_to_state(GRACE, field.gm)
-    run = lambda **changes: integrate(gravity_force, params, **{"y0": y0, "t": (30.0, 20), **changes})  # noqa: E731
+    run = lambda **changes: integrate(gravity_force, params, **{"y0": y0, "t": (30.0, 20), **changes})
     with pytest.raises(ValueError, match=r"dt = 30 s at index 1 is no multiple of the step h = 7 s: take h = 6 s"):
         run(h=7.0)
     with pytest.raises(ValueError, match=r"no multiple of the step h = 10 s: take h = 9.633333333 s, or method dop853"):

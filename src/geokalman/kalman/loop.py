@@ -29,7 +29,7 @@ FUNCTIONS = 4
 """The compiled loop takes so many different functions of sensors; with more the loop runs as Python."""
 
 
-class Motion(NamedTuple):
+class ModelArrays(NamedTuple):
     """A model as arrays.
 
     kind : how it is predicted; Phi, Q : (K, n, n), read through step (N - 1,) by a linear one, else written;
@@ -44,7 +44,7 @@ class Motion(NamedTuple):
     step: np.ndarray
 
 
-class Sensing(NamedTuple):
+class SensorArrays(NamedTuple):
     """All sensors as arrays: sensor s has the columns first[s] to first[s + 1] of z (N, M).
 
     function : which of the functions is its own; R : (K, M, M), block diagonal; H : (K, M, n); inputs, params likewise
@@ -83,7 +83,7 @@ class Options(NamedTuple):
     states: int
 
 
-class Course(NamedTuple):
+class History(NamedTuple):
     """What the loop fills; row 0 of the predictions holds the prior.
 
     whitened : (N, M); alpha : (N,), weights : (N, M) of the hook; else as in a `Trajectory`.
@@ -284,10 +284,10 @@ def compiled():
     """Compile the loop, once."""
     stack, table, ints, flags = types.float64[:, :, ::1], types.float64[:, ::1], types.int64[::1], types.boolean[::1]
     real, whole, flag = types.float64, types.int64, types.boolean
-    motion = types.NamedTuple([whole, table, vector, stack, stack, ints], Motion)
-    sensing = types.NamedTuple([ints, ints, ints, flags, table, stack, stack, table, ints, vector, ints], Sensing)
+    motion = types.NamedTuple([whole, table, vector, stack, stack, ints], ModelArrays)
+    sensing = types.NamedTuple([ints, ints, ints, flags, table, stack, stack, table, ints, vector, ints], SensorArrays)
     options = types.NamedTuple([real, real, flag, whole, real, whole, real, real, real, whole], Options)
-    course = types.NamedTuple([table, stack, table, stack, table, vector, table], Course)
+    course = types.NamedTuple([table, stack, table, stack, table, vector, table], History)
     observe = [types.FunctionType(OBSERVE)] * FUNCTIONS
     signature = types.UniTuple(whole, 3)(
         types.FunctionType(PROPAGATE), *observe, types.FunctionType(RETRACT), types.FunctionType(DIFFERENCE),

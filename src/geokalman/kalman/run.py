@@ -13,8 +13,8 @@ from geokalman.kalman.checks import NotPositiveDefinite, array, covariance, cova
 from geokalman.kalman.gaussian import Gaussian, Stopped, Trajectory, gaussian
 from geokalman.kalman.linear import steps
 from geokalman.kalman.loop import (
-    DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, Course, Motion,
-    Options, Sensing, compiled, loop, stand_ins,
+    DRAW, EXTENDED, FUNCTIONS, INNOVATION, LINEAR, MODEL, NOISE, PREDICTION, SENSOR, UNSCENTED, History, ModelArrays,
+    Options, SensorArrays, compiled, loop, stand_ins,
 )  # fmt: skip
 from geokalman.kalman.model import OBSERVE, PROPAGATE, Manifold, Model, Sensor, checked_once, flat, is_kernel
 from geokalman.kalman.unscented import spread
@@ -75,7 +75,7 @@ def run(
         i = list(sensing.kind).index(LINEAR)
         raise ValueError(f"sensor {i} is linear: where a state of {nx} numbers has an error of {n}, give h")
     judged = 0 if adaptive is None else N
-    course = Course(
+    course = History(
         np.empty((N, nx)), np.empty((N, n, n)), np.empty((N, nx)), np.empty((N, n, n)), np.full((N, M), np.nan),
         np.ones(judged), np.full((judged, M), np.nan),
     )  # fmt: skip
@@ -88,10 +88,11 @@ def run(
     else:
         epoch, what, row = loop(propagate, observe, *space.kernels(nx), *arrays)
     last = N if what == 0 else epoch if what == MODEL else epoch + 1  # beyond, nothing was computed
+    done = History(*(part[:last] for part in course))
     trajectory = Trajectory(
-        t[:last], *(part[:last] for part in course[:5]), motion.Phi, motion.Q, motion.step[: max(last - 1, 0)],
-        alpha=course.alpha[:last] if judged else None, weights=course.weights[:last] if judged else None,
-        manifold=model.manifold,
+        t[:last], done.predicted_mean, done.predicted_cov, done.mean, done.cov, done.whitened,
+        motion.Phi, motion.Q, motion.step[: max(last - 1, 0)],
+        alpha=done.alpha if judged else None, weights=done.weights if judged else None, manifold=model.manifold,
     )  # fmt: skip
     if not machine:
         _finite(trajectory, sensing.z, stopped=what != 0)
@@ -150,11 +151,11 @@ def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
-        return stand_ins()[0], Motion(LINEAR, inputs, params, Phi, Q, step)
+        return stand_ins()[0], ModelArrays(LINEAR, inputs, params, Phi, Q, step)
     Phi, Q = np.zeros((2, count, n, n))
     if model.Q is not None and not callable(model.Q):
         Q[:] = covariances("Q", model.Q, count, n)
-    motion = Motion(kind, inputs, params, Phi, Q, np.arange(count))
+    motion = ModelArrays(kind, inputs, params, Phi, Q, np.arange(count))
     return model.f if is_kernel(model.f, PROPAGATE) else _propagation(model, nx, n, kind), motion
 
 
@@ -217,7 +218,7 @@ def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     inputs = [_inputs(f"sensor {i}", s.inputs, N) for i, s in enumerate(sensors)]
     params = [array(f"params of sensor {i}", s.params, None) for i, s in enumerate(sensors)]
     different = tuple(dict.fromkeys(functions))
-    return different, Sensing(
+    return different, SensorArrays(
         first=first, kind=np.where([s.h is None for s in sensors], LINEAR, kind),
         function=np.array([different.index(function) for function in functions]),
         sequential=np.array([s.sequential for s in sensors]), z=np.hstack(z), R=R_all, H=H_all,

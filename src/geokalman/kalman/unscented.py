@@ -181,9 +181,7 @@ def sigma_points(x: Gaussian, alpha: float = 1.0, beta: float = 2.0, kappa: floa
     return _draw(mean, P, spread(len(mean), alpha, beta, kappa)[0], "covariance")[0]
 
 
-def predict(
-    posterior: Gaussian, f: Callable, Q, alpha: float = 1.0, beta: float = 2.0, kappa: float = 0.0
-) -> Gaussian:
+def predict(posterior: Gaussian, f: Callable, Q, alpha: float = 1.0, beta: float = 2.0, kappa: float = 0.0) -> Gaussian:
     """Propagate a Gaussian through x_next = f(x) + w, w ~ N(0, Q), by the unscented transform.
 
     f : takes and gives (n,); Q : (n, n), positive semidefinite; alpha, beta, kappa as in `spread`.
