@@ -248,4 +248,5 @@ def _made(record: dict[str, Any]) -> str:
     if record["commit"] and record["uncommitted_changes"]:
         commit += " with uncommitted changes"
     versions = ", ".join(f"{name} {record['versions'][name]}" for name in ("python", "numpy", "scipy", "numba"))
-    return f"Computed {record['finished']} in {record['seconds']:.1f} s from {commit} ({versions}; {record['processor']})."
+    made = f"Computed {record['finished']} in {record['seconds']:.1f} s"
+    return f"{made} from {commit} ({versions}; {record['processor']})."

@@ -268,7 +268,9 @@ def test_unscented_updates_of_single_calls_are_the_run(flight):
     course = flight.python(kind="unscented")
     for k in (0, 8, 20):
         state = course.predicted_mean[k], course.predicted_cov[k]
-        state, innovation = unscented.update(state, flight.z[k], lambda x, k=k: flight.sight(x, flight.t[k])[0], flight.R)
+        state, innovation = unscented.update(
+            state, flight.z[k], lambda x, k=k: flight.sight(x, flight.t[k])[0], flight.R
+        )
         np.testing.assert_allclose(course.whitened[k, :2], innovation.whitened, rtol=1e-9)
         state, _ = update(state, flight.sums[k], flight.H, [[0.25]])
         np.testing.assert_allclose(course.mean[k], state.mean, rtol=1e-11)
