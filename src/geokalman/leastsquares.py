@@ -343,7 +343,7 @@ def sum_normals(
     ...     arc = NormalEquations(1)
     ...     arc.add([[1.0]], [value])
     ...     return arc
-    >>> sum_normals(build, [1.0, 2.0, 6.0]).factor().estimate.tolist()
+    >>> sum_normals(build, [1.0, 2.0, 6.0]).factor().estimate.round(12).tolist()
     [[3.0]]
     """
     total: NormalEquations | None = None

@@ -139,7 +139,9 @@ def interpreted(monkeypatch):
             for key, value in list(vars(module).items()):
                 if hasattr(value, "py_func"):
                     monkeypatch.setattr(module, key, value.py_func)
-    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "compiled", lambda sensors: loop.loop)
+    plain = loop._no_propagation, loop._no_observation
+    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "stand_ins", lambda: plain)
+    monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "compiled", None)  # whoever calls it is told
     monkeypatch.setattr(sys.modules["geokalman.kalman.run"], "judging_step", lambda hook: adaptive.adapt_step)
     monkeypatch.setattr(smoothing, "compiled_error_rts_loop", lambda: smoothing.error_rts_loop)
 
