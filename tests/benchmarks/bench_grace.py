@@ -21,9 +21,7 @@ from stopwatch import smallest, told, told_machine, told_part
 
 from geokalman.constants import OMEGA_EARTH
 from geokalman.grace import assess, estimate, observables, recover, simulate
-from geokalman.grace.estimate import _filter, _smooth
-from geokalman.grace.model import Scenario, Tuning, distance, kinematic
-from geokalman.kalman.unscented import spread
+from geokalman.grace.model import Scenario, Tuning, distance
 from geokalman.leastsquares import NormalEquations
 from geokalman.physics.frames import to_ecef
 from geokalman.physics.partials import column_count, design_block
@@ -37,34 +35,20 @@ def bench_orbits() -> None:
 
 
 def bench_filters(n: int = 2881) -> None:
-    """The application's compiled loops, memory allocated before: what an epoch costs."""
+    """What an epoch costs: filter and smoother of each method."""
     scenario = Scenario(days=(n - 1) / 2880, n_max=30)
     gravity = scenario.gravity()
     data = simulate.observe(simulate.orbit_pair(scenario, gravity), gravity)
     tuning = Tuning()
-    Phi, Q = kinematic(data.dt, tuning.q(data.dt))
-    c, w = spread(9, 1.0, 0.0, 2.0)
-    x_pred, x, x_s = (np.empty((n, 9)) for _ in range(3))
-    P_pred, P, P_s = (np.empty((n, 9, 9)) for _ in range(3))
-    innovations = np.empty((n, 4))
-
-    def forward(kind: int) -> None:
-        _filter(
-            kind, data.baseline, data.rate, data.prior_mean, data.prior_cov, Phi, Q, tuning.sigma_r**2,
-            tuning.sigma_rr(data.dt) ** 2, c, w, x_pred, P_pred, x, P, innovations,
-        )  # fmt: skip
-
-    for kind, (label, limit) in enumerate((
-        ("filter, positions", 3.0), ("filter, positions and range-rate", 3.0), ("UKF, sequential", 8.0),
-        ("EKF, simultaneous", None), ("UKF, simultaneous", None),
-    )):  # fmt: skip
-        told(label, 1e6 * smallest(lambda k=kind: forward(k), 15) / n, "us per epoch", limit)
-    forward(2)
-    for label, covariances, limit in (("RTS, states", False, None), ("RTS, states and covariances", True, 5.0)):
-        cost = smallest(lambda both=covariances: _smooth(x_pred, P_pred, x, P, Phi, Q, both, x_s, P_s), 15)
-        told(label, 1e6 * cost / n, "us per epoch", limit)
-    for label, method in (("ekf(), everything", estimate.ekf), ("ukf(), everything", estimate.ukf)):
-        cost = smallest(lambda m=method: m(data, tuning), 7)
+    methods = {
+        "ekf(), states": lambda: estimate.ekf(data, tuning),
+        "ukf(), states": lambda: estimate.ukf(data, tuning),
+        "ukf(), states and covariances": lambda: estimate.ukf(data, tuning, covariances=True),
+        "ukf(), simultaneous": lambda: estimate.ukf(data, tuning, "simultaneous"),
+        "fused_ekf(), states": lambda: estimate.fused_ekf(data, tuning),
+    }
+    for label, method in methods.items():
+        cost = smallest(method, 7)
         told(label, 1e6 * cost / n, "us per epoch", note=f"{86401 * cost / n:.2f} s for 30 days")
 
 
