@@ -115,12 +115,14 @@ class Display:
 
         if self._bars.disable:
             self.say(f"{name} starts")
-        threading.Thread(target=tell, daemon=True).start()
+        teller = threading.Thread(target=tell, daemon=True)
+        teller.start()
         try:
             yield progress
             outcome = "took"
         finally:
             done.set()
+            teller.join()  # it updates the bar that goes
             self._bars.remove_task(task)
             self.say(f"{name} {outcome} {time.perf_counter() - start:.1f} s")
 

@@ -241,17 +241,18 @@ def test_a_signal_during_an_import(toy, start, name, number):
     assert (process.returncode, out, err) == (128 + signal.Signals[number], "", f"{SENTENCE}\n")
 
 
-def test_what_is_written_when_a_signal_comes_is_written_whole(toy, start):
+def test_what_is_written_when_a_signal_comes_is_written_whole(built, tmp_path, start):
     """The command is in the middle of README.md: it may end that, and leaves nothing beside it."""
-    shown = (toy / "README.md").read_text()
+    root = shutil.copytree(built, tmp_path / "clone")
+    shown = (root / "README.md").read_text()
     process = start(
-        toy, "claims", "--readme",
+        root, "claims", "--readme",
         code="import os, signal\nfsync = os.fsync\n"
         "def sync(number):\n    os.kill(os.getpid(), signal.SIGTERM)\n    fsync(number)\n"
         "os.fsync = sync",
     )  # fmt: skip
     _, err = process.communicate(timeout=LIMIT)
     assert process.returncode == 143 and err == f"{SENTENCE}\n"
-    text = (toy / "README.md").read_text()
+    text = (root / "README.md").read_text()
     assert text != shown and text.endswith("<!-- /verdicts -->\n")
-    assert left_over(toy) == []
+    assert left_over(root) == []
