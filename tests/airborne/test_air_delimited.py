@@ -224,7 +224,7 @@ def test_columns_named_anew_in_another_order_are_refused(text, tmp_path):
     path.write_text(body + names + "\n" + body.split("\n")[1] + "\n")
     assert len(read_delimited(path)["FZ"]) == 501
     path.write_text(body + names.replace("LON LAT", "LAT LON") + "\n" + body.split("\n")[1] + "\n")
-    with pytest.raises(InputError, match="line 502: the columns are named anew and otherwise than in row 1"):
+    with pytest.raises(InputError, match="line 502: the columns are named again, and otherwise than in row 1"):
         read_table(path)
 
 

@@ -13,7 +13,7 @@ from numba import njit, types
 
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import (
-    cholesky_upper, copy, copy_state, copy_vector, identity, solve_lower, solve_upper, symmetrise,
+    add_vector_product, cholesky_upper, copy, copy_state, copy_vector, identity, solve_lower, solve_upper, symmetrise,
 )  # fmt: skip
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.model import DIFFERENCE, RETRACT
@@ -27,13 +27,15 @@ def rts_mean_step(x, P, x_predicted, P_predicted, Phi, x_next, x_out):
     there; vectors (n,), matrices (n, n). x_out may be x.
     Returns 0, or k >= 1 when P_predicted is not positive definite in row k - 1.
     """
-    U, d = np.empty(P.shape), x_next - x_predicted
+    U, d, back = np.empty(P.shape), x_next - x_predicted, np.zeros(x.size)
     status = cholesky_upper(P_predicted, U)
     if status != 0:
         return status
     solve_lower(U, d.reshape((d.size, 1)))
     solve_upper(U, d.reshape((d.size, 1)))
-    copy_vector(x + P @ (d @ Phi), x_out)
+    add_vector_product(back, 1.0, d, Phi)
+    copy_vector(x, x_out)
+    add_vector_product(x_out, 1.0, back, P)
     return 0
 
 
