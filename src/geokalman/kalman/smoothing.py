@@ -47,6 +47,7 @@ def rts_step(x, P, x_predicted, P_predicted, Phi, Q, x_next, P_next, x_out, P_ou
     C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
     P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
     Q, P_next : (n, n), the noise of the step and the smoothed covariance of the next epoch; else as `rts_mean_step`.
+    The covariance P_out must not overlap the inputs.
     """
     U, C, A = np.empty(P.shape), np.zeros(P.shape), identity(x.size)
     status = cholesky_upper(P_predicted, U)

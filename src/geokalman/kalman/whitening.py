@@ -24,7 +24,8 @@ def whitening_loop(P0, H, R, Phi, Q, step, columns, out):
     """
     N, c = columns.shape
     n = P0.shape[0]
-    P, P_next, X, X_next, zero, K = P0.copy(), np.empty((n, n)), np.zeros((n, c)), np.empty((n, c)), np.zeros(n), np.empty(n)
+    P, P_next, zero, K = P0.copy(), np.empty((n, n)), np.zeros(n), np.empty(n)
+    X, X_next = np.zeros((n, c)), np.empty((n, c))
     for k in range(N):
         if k > 0:
             s = step[k - 1]
