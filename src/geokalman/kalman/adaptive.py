@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit, types
 
 from geokalman.kalman.checks import scalar, whole
-from geokalman.kalman.dense import add_product, cholesky_upper, identity, solve_lower, transposed
+from geokalman.kalman.dense import cholesky_upper, identity, solve_lower, solve_upper
 from geokalman.kalman.linear import innovation_covariance, whiten
 from geokalman.kalman.model import matrix, vector
 from geokalman.kalman.robust import FLOOR, equivalent_weights_step, huber, igg3, innovation_weights_step, thresholds
@@ -60,6 +60,14 @@ def innovation_step(P, residual, H, R, S, whitened):
 
 
 @njit(cache=True)
+def _squares(v):
+    total = 0.0
+    for a in range(v.size):
+        total += v[a] * v[a]
+    return total
+
+
+@njit(cache=True)
 def predicted_residual(whitened):
     """Compute s = sqrt(V' S^-1 V / m) of a whitened innovation (m,).
 
@@ -68,7 +76,7 @@ def predicted_residual(whitened):
     >>> predicted_residual(np.array([3.0, 4.0, 0.0, 0.0]))
     2.5
     """
-    return np.sqrt(whitened @ whitened / whitened.size)
+    return np.sqrt(_squares(whitened) / whitened.size)
 
 
 @njit(cache=True)
@@ -82,11 +90,12 @@ def ratio_factor(residual, S, R, floor):
     >>> ratio_factor(np.array([3.0]), np.array([[5.0]]), np.eye(1), 0.001)
     0.5
     """
+    m = residual.size
     observed, predicted = 0.0, 0.0
-    for a in range(residual.size):
-        observed += residual[a] * residual[a] / R[a, a] - 1.0
+    for a in range(m):
+        observed += residual[a] * residual[a] / R[a, a]
         predicted += S[a, a] / R[a, a] - 1.0
-    return 1.0 if observed <= predicted else max(predicted / observed, floor)
+    return 1.0 if observed <= predicted + m else max(predicted / (observed - m), floor)
 
 
 @njit(cache=True)
@@ -99,7 +108,7 @@ def trace_factor(residual, S, R, floor):
     >>> trace_factor(np.array([3.0]), np.array([[5.0]]), np.eye(1), 0.001)
     0.5
     """
-    observed, noise = residual @ residual, np.trace(R)
+    observed, noise = _squares(residual), np.trace(R)
     return 1.0 if observed <= np.trace(S) else max((np.trace(S) - noise) / (observed - noise), floor)
 
 
@@ -110,7 +119,7 @@ def norm_ratio(residual, S):
     >>> norm_ratio(np.array([3.0, 4.0]), np.diag(np.array([2.0, 2.0])))
     2.5
     """
-    return np.sqrt(residual @ residual / np.trace(S))
+    return np.sqrt(_squares(residual) / np.trace(S))
 
 
 @njit(cache=True)
@@ -123,9 +132,10 @@ def state_discrepancy(d, P, U):
     >>> state_discrepancy(np.array([4.0]), np.array([[3.0]]), np.eye(1))
     2.0
     """
-    C, root, white = P.copy(), identity(d.size), np.empty(d.size)
-    solve_lower(U, root)
-    add_product(C, 1.0, transposed(root), root)
+    inverse, white = identity(d.size), np.empty(d.size)
+    solve_lower(U, inverse)
+    solve_upper(U, inverse)
+    C = P + 0.5 * (inverse + inverse.T)
     if cholesky_upper(C, C) != 0:
         return np.nan
     whiten(C, d, white)

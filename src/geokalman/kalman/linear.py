@@ -82,9 +82,9 @@ def scalar_update_step(x, P, residual, H, r):
 
 @njit(cache=True)
 def innovation_covariance(P, H, R, S):
-    """Write the covariance S = H P H' + R of an innovation, exactly symmetric; returns H P.
+    """Write the covariance S = H P H' + R of an innovation; returns H P.
 
-    P : (n, n); H : (m, n); R, S : (m, m).
+    S is symmetric but for rounding.  P : (n, n); H : (m, n); R, S : (m, m).
 
     >>> S = np.empty((1, 1))
     >>> innovation_covariance(np.diag(np.array([4.0, 9.0])), np.ones((1, 2)), np.eye(1), S).tolist(), S.item()
@@ -95,8 +95,7 @@ def innovation_covariance(P, H, R, S):
     for a in range(R.shape[0]):
         for b in range(R.shape[0]):
             S[a, b] = 0.5 * (R[a, b] + R[b, a])
-    add_product(S, 1.0, H, transposed(G))
-    mirror(S)
+    add_product(S, 1.0, G, transposed(H))
     return G
 
 
@@ -111,6 +110,9 @@ def update_step(x, P, residual, H, R, S, whitened):
     Returns 0, or k >= 1 when S is not positive definite in row k - 1 (x and P are then unchanged).
     """
     G, U, u = innovation_covariance(P, H, R, S), np.empty(S.shape), np.zeros(H.shape)
+    for a in range(S.shape[0]):
+        for b in range(a):
+            S[b, a] = S[a, b]
     status = cholesky_upper(S, U)
     if status != 0:
         return status
@@ -152,6 +154,12 @@ def joint_update_step(x, P, residual, H, R, whitened):
     Arguments as in `update_step`; whitened stays as it is where the residual is NaN.
     Returns 0, or k >= 1 when the innovation covariance is not positive definite in component k - 1.
     """
+    if residual.size == 1 and not np.isnan(residual[0]):
+        variance = scalar_update_step(x, P, residual[0], H[0], R[0, 0])
+        if not variance > 0.0:
+            return 1
+        whitened[0] = residual[0] / np.sqrt(variance)
+        return 0
     seen, residual, H, R = rows_seen(residual, H, R)
     white = np.empty(seen.size)
     status = update_step(x, P, residual, H, R, np.empty(R.shape), white)

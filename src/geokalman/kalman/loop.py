@@ -257,11 +257,15 @@ def loop(propagate, observe, retract, difference, judge, t, motion, sensing, opt
             if linear:
                 copy(H_k, H)
             what = SENSOR
-            if options.adapt > 0:
+            if options.adapt > 0 or options.plain:
                 status = _innovation(function, linear, t[k], x, z, u, p, h, H, R)
                 if status == 0:
-                    what, weights = INNOVATION, course.weights[k, first:last]
-                    status, course.alpha[k] = _adapted(judge, options, x, P, h, H, R, white, weights)
+                    what = INNOVATION
+                    if options.plain:
+                        status = joint_update_step(x, P, h, H, R, white)
+                    else:
+                        weights = course.weights[k, first:last]
+                        status, course.alpha[k] = _adapted(judge, options, x, P, h, H, R, white, weights)
             else:
                 what, status = _iterated(
                     function, retract, difference, options, linear, t[k], z, u, p, h, H, R_k, first, R, x, P, white

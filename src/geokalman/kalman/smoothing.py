@@ -13,7 +13,8 @@ from numba import njit, types
 
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import (
-    add_vector_product, cholesky_upper, copy, copy_state, copy_vector, identity, solve_lower, solve_upper, symmetrise,
+    add_product, add_vector_product, cholesky_upper, copy, copy_state, copy_vector, identity, mirror, solve_lower,
+    solve_upper, transposed,
 )  # fmt: skip
 from geokalman.kalman.gaussian import Smoothed, Trajectory
 from geokalman.kalman.model import DIFFERENCE, RETRACT
@@ -46,17 +47,26 @@ def rts_step(x, P, x_predicted, P_predicted, Phi, Q, x_next, P_next, x_out, P_ou
     C = P Phi' P_predicted^-1,  x_out = x + C (x_next - x_predicted),
     P_out = (I - C Phi) P (I - C Phi)' + C (Q + P_next) C',  which equals P + C (P_next - P_predicted) C'.
     Q, P_next : (n, n), the noise of the step and the smoothed covariance of the next epoch; else as `rts_mean_step`.
+    The covariance P_out must not overlap the inputs.
     """
-    U, C = np.empty(P.shape), Phi @ P  # C' = P_predicted^-1 Phi P
+    U, C, A = np.empty(P.shape), np.zeros(P.shape), identity(x.size)
     status = cholesky_upper(P_predicted, U)
     if status != 0:
         return status
+    add_product(C, 1.0, Phi, P)  # C' = P_predicted^-1 Phi P
     solve_lower(U, C)
     solve_upper(U, C)
-    copy_vector(x + (x_next - x_predicted) @ C, x_out)
-    A = identity(x.size) - Phi.T @ C
-    copy(A.T @ P @ A + C.T @ (Q + P_next) @ C, P_out)
-    symmetrise(P_out)
+    add_product(A, -1.0, transposed(Phi), C)  # (I - C Phi)'
+    d = x_next - x_predicted
+    copy_vector(x, x_out)
+    add_vector_product(x_out, 1.0, d, C)
+    W, V = np.zeros(P.shape), np.zeros(P.shape)
+    add_product(W, 1.0, P, A)
+    add_product(V, 1.0, Q + P_next, C)
+    P_out.fill(0.0)
+    add_product(P_out, 1.0, transposed(A), W)
+    add_product(P_out, 1.0, transposed(C), V)
+    mirror(P_out)
     return 0
 
 

@@ -16,15 +16,16 @@ from geokalman.kalman.linear import Transition, predict_step, scalar_update_step
 
 
 @njit(cache=True)
-def whitening_loop(P, H, R, Phi, Q, step, columns, out):
+def whitening_loop(P0, H, R, Phi, Q, step, columns, out):
     """Whiten many columns by one filter of scalar observations with zero prior mean.
 
-    P : (n, n), overwritten; H : (N or 1, n); R : (N or 1,); Phi, Q : (K, n, n) chosen by step : (N - 1,);
+    P0 : (n, n); H : (N or 1, n); R : (N or 1,); Phi, Q : (K, n, n) chosen by step : (N - 1,);
     columns, out : (N, c). Returns -1, or the epoch at which the innovation covariance is not positive.
     """
     N, c = columns.shape
-    n = P.shape[0]
-    P_next, X, X_next, zero, K = np.empty((n, n)), np.zeros((n, c)), np.empty((n, c)), np.zeros(n), np.empty(n)
+    n = P0.shape[0]
+    P, P_next, zero, K = P0.copy(), np.empty((n, n)), np.zeros(n), np.empty(n)
+    X, X_next = np.zeros((n, c)), np.empty((n, c))
     for k in range(N):
         if k > 0:
             s = step[k - 1]
