@@ -182,12 +182,12 @@ class Adaptive:
 
     def __post_init__(self) -> None:
         if self.by not in HOOKS:
-            raise ValueError(f"the hook {self.by!r} is unknown: the hooks are {', '.join(HOOKS)}")
+            raise ValueError(f"the hook {self.by!r} is unknown: the hooks are {', '.join(HOOKS)}.")
         thresholds(self.k0, self.k1)
         if not 0.0 < scalar("floor", self.floor) <= 1.0:
-            raise ValueError(f"floor = {self.floor:g} of the adaptive factor: it must be above 0 and at most 1")
+            raise ValueError(f"floor = {self.floor:g} of the adaptive factor: it must be above 0 and at most 1.")
         if whole("states", self.states) < 1:
-            raise ValueError(f"states = {self.states}: at least one state must be determined")
+            raise ValueError(f"states = {self.states}: at least one state must be determined.")
 
 
 @functools.cache

@@ -54,35 +54,35 @@ def plain(name: str, value, missing: bool = False) -> np.ndarray:
         try:
             return np.array(value, dtype=float)
         except ValueError:
-            raise ValueError(f"{name} is ragged: its rows have different lengths") from None
+            raise ValueError(f"{name} is ragged: its rows have different lengths.") from None
     if value is None or type(value).__name__ in ("NAType", "NaTType"):
         value = np.ma.masked
     if hasattr(value, "toarray"):
-        raise ValueError(f"{name} is a sparse matrix: give its toarray()")
+        raise ValueError(f"{name} is a sparse matrix: give its toarray().")
     kind = _kind(value)
     if kind not in ("m", "M"):
         for unit in (getattr(value, key, None) for key in ("unit", "units")):
             if unit is not None and not np.ndim(unit) and str(unit) not in ("", "dimensionless"):
-                raise ValueError(f"{name} carries the unit {unit}: give plain numbers in the units of the model")
+                raise ValueError(f"{name} carries the unit {unit}: give plain numbers in the units of the model.")
         raw = _raw(name, value)
         kind = raw.dtype.kind
     if kind == "m":
-        raise ValueError(f"{name} holds time spans: give seconds as float")
+        raise ValueError(f"{name} holds time spans: give seconds as float.")
     if kind == "M":
-        raise ValueError(f"{name} holds dates: give seconds as float")
+        raise ValueError(f"{name} holds dates: give seconds as float.")
     if raw.dtype.kind == "O" and (raw.ndim or isinstance(value, np.ndarray)):
         return plain(name, value.tolist() if isinstance(value, np.ma.MaskedArray) else raw.tolist(), missing)
     if raw.dtype.kind not in "fiu" and not (raw.dtype.kind == "O" and isinstance(value, Real)):
         what = _NO_NUMBERS.get(raw.dtype.kind, f"no numbers but a {type(value).__name__}")
-        raise ValueError(f"{name} holds {what}: give real numbers")
+        raise ValueError(f"{name} holds {what}: give real numbers.")
     mask = getattr(value, "mask", None)  # of numpy, or of a package like it
     mask = np.broadcast_to(mask, raw.shape) if isinstance(mask, (np.ndarray, np.bool_)) else np.zeros(raw.shape, bool)
     if mask.any() and not missing:
         place = [int(i) for i in np.argwhere(mask)[0]]
-        raise ValueError(f"{name}{place or ''} is masked or missing: there must be a number")
+        raise ValueError(f"{name}{place or ''} is masked or missing: there must be a number.")
     if raw.dtype.kind != "f" and (~mask & ((raw > _WHOLE) | (raw < -_WHOLE))).any():
         raise ValueError(
-            f"{name} holds whole numbers beyond 2^53, which float64 does not hold: count from a nearer zero"
+            f"{name} holds whole numbers beyond 2^53, which float64 does not hold: count from a nearer zero."
         )
     with np.errstate(over="ignore"):  # what is larger than float64 is infinite, and refused as that
         return np.where(mask, np.nan, raw.astype(float))
@@ -106,7 +106,7 @@ def _raw(name: str, value) -> np.ndarray:
     try:
         return np.asarray(value.data if isinstance(value, np.ma.MaskedArray) else value)
     except (TypeError, ValueError, RuntimeError) as error:
-        raise ValueError(f"{name} is a {type(value).__name__}, of which numpy makes no array ({error})") from None
+        raise ValueError(f"{name} is a {type(value).__name__}, of which numpy makes no array ({error}).") from None
 
 
 def scalar(name: str, value) -> float:
@@ -117,7 +117,7 @@ def scalar(name: str, value) -> float:
     """
     out = plain(name, value)
     if out.ndim:
-        raise ValueError(f"{name} has the shape {out.shape}: it must be one number")
+        raise ValueError(f"{name} has the shape {out.shape}: it must be one number.")
     return float(out)
 
 
@@ -129,7 +129,7 @@ def whole(name: str, value) -> int:
     """
     out = scalar(name, value)
     if not (out == np.floor(out) and abs(out) <= _WHOLE):
-        raise ValueError(f"{name} = {out:g}: it must be a whole number")
+        raise ValueError(f"{name} = {out:g}: it must be a whole number.")
     return int(out)
 
 
@@ -145,12 +145,12 @@ def array(name: str, value, *shape: int | None, missing: bool = False) -> np.nda
     out = np.array(plain(name, value, missing), order="C")
     if out.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, out.shape, strict=True)):
         wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ("," if len(shape) == 1 else "") + ")"
-        raise ValueError(f"{name} has the shape {out.shape}, it must be {wanted}")
+        raise ValueError(f"{name} has the shape {out.shape}, it must be {wanted}.")
     bad = np.isinf(out) if missing else ~np.isfinite(out)
     if bad.any():
         place = tuple(int(i) for i in np.argwhere(bad)[0])
         rule = "values must be finite, or NaN where missing" if missing else "values must be finite"
-        raise ValueError(f"{name}{list(place) or ''} is {out[place]}: {rule}")
+        raise ValueError(f"{name}{list(place) or ''} is {out[place]}: {rule}.")
     return out
 
 
@@ -194,7 +194,7 @@ def _judge(P: np.ndarray, name: Callable[[int], str]) -> np.ndarray:
     if apart.any():
         k, i, j = (int(index) for index in np.argwhere(apart)[0])
         pair = f"element ({i}, {j}) is {P[k, i, j]:g}, element ({j}, {i}) is {P[k, j, i]:g}"
-        raise ValueError(f"{name(k)} is not symmetric: {pair}")
+        raise ValueError(f"{name(k)} is not symmetric: {pair}.")
     smallest = np.linalg.eigvalsh(0.5 * (correlation + mirror)).min(axis=1, initial=0.0)
     if (smallest < -10 * n * _EPS).any():
         k = int(np.argmax(smallest < -10 * n * _EPS))
@@ -224,9 +224,9 @@ def epochs(t, repeated: bool = False) -> np.ndarray:
     """
     times = array("t", t, None)
     if times.size == 0:
-        raise ValueError("t is empty, there must be at least one epoch")
+        raise ValueError("t is empty, there must be at least one epoch.")
     back = np.diff(times) < 0.0 if repeated else np.diff(times) <= 0.0
     if back.any():
         k = int(np.argmax(back))
-        raise ValueError(f"t[{k + 1}] = {times[k + 1]} does not come after t[{k}] = {times[k]}: epochs must increase")
+        raise ValueError(f"t[{k + 1}] = {times[k + 1]} does not come after t[{k}] = {times[k]}: epochs must increase.")
     return times

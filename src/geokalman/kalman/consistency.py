@@ -43,7 +43,7 @@ def nees(error, cov) -> np.ndarray:
     """
     e, P = plain("error", error), plain("cov", cov)
     if e.ndim < 1 or P.shape != (*e.shape, e.shape[-1]):
-        raise ValueError(f"cov has the shape {P.shape}, for errors {e.shape} it must be (..., n, n)")
+        raise ValueError(f"cov has the shape {P.shape}, for errors {e.shape} it must be (..., n, n).")
     n, shape = e.shape[-1], e.shape[:-1]
     e, P = array("error", e.reshape(-1, n), None, n), array("cov", P.reshape(-1, n, n), None, n, n)
     sigma = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), np.finfo(float).tiny))  # scale before factoring
@@ -55,7 +55,7 @@ def nees(error, cov) -> np.ndarray:
             try:
                 np.linalg.cholesky(P[k])
             except np.linalg.LinAlgError:
-                raise NotPositiveDefinite("covariance", k) from None
+                raise NotPositiveDefinite("covariance.", k) from None
         raise
     w = np.linalg.solve(roots, e[:, :, None])
     return (w * w).sum(axis=(1, 2)).reshape(shape)
@@ -73,7 +73,7 @@ def nis(whitened) -> tuple[np.ndarray, np.ndarray]:
     """
     w = plain("whitened", whitened, missing=True)
     if np.isinf(w).any():
-        raise ValueError("whitened has an infinite value: values must be finite, or NaN where missing")
+        raise ValueError("whitened has an infinite value: values must be finite, or NaN where missing.")
     return np.nansum(w**2, axis=-1), np.isfinite(w).sum(axis=-1)
 
 
@@ -94,14 +94,14 @@ def chi_square_bounds(dof, probability: float = 0.95) -> tuple[float, float]:
 
     probability = scalar("probability", probability)
     if not 0.0 < probability < 1.0:
-        raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
+        raise ValueError(f"probability = {probability}: it must lie between 0 and 1.")
     dof = np.atleast_1d(plain("dof", dof))
     if not ((dof >= 0) & (dof < np.inf)).all():
         wrong = dof[~((dof >= 0) & (dof < np.inf))][0]
-        raise ValueError(f"dof holds {wrong:g}: degrees of freedom are finite and not negative")
+        raise ValueError(f"dof holds {wrong:g}: degrees of freedom are finite and not negative.")
     count, total = int((dof > 0).sum()), float(dof.sum())
     if count == 0:
-        raise ValueError("there is no degree of freedom: every epoch is missing")
+        raise ValueError("there is no degree of freedom: every epoch is missing.")
     tail = 0.5 * (1.0 - probability)
     low, high = 2.0 * gammaincinv(0.5 * total, [tail, 1.0 - tail]) / count
     return float(low), float(high)
@@ -127,13 +127,13 @@ def whiteness(whitened, lags: int) -> Whiteness:
     N, m = w.shape
     lags = whole("lags", lags)
     if not 1 <= lags < N:
-        raise ValueError(f"lags = {lags} with {N} epochs: it must be at least 1 and below the number of epochs")
+        raise ValueError(f"lags = {lags} with {N} epochs: it must be at least 1 and below the number of epochs.")
     there = np.isfinite(w)
     w = np.where(there, w, 0.0)
     pairs = np.array([(there[lag:] & there[: N - lag]).sum(0) for lag in range(lags + 1)])
     if (pairs == 0).any():
         lag, component = (int(i) for i in np.argwhere(pairs == 0)[0])
-        raise ValueError(f"component {component} has no pair of values at lag {lag}: too many are missing")
+        raise ValueError(f"component {component} has no pair of values at lag {lag}: too many are missing.")
     moments = np.array([(w[lag:] * w[: N - lag]).sum(0) for lag in range(lags + 1)]) / pairs
     r = moments[1:] / moments[0]
     statistic = float(((1.0 + 2.0 / pairs[0]) * pairs[1:] * r**2).sum())

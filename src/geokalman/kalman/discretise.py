@@ -61,9 +61,9 @@ def integrated_white_noise(order: int, h: float, q: float, axes: int = 1) -> tup
     h, q = _positive("h", h), scalar("q", q)
     order, axes = whole("order", order), whole("axes", axes)
     if order < 1 or axes < 1:
-        raise ValueError(f"order = {order} and axes = {axes}: both must be at least 1")
+        raise ValueError(f"order = {order} and axes = {axes}: both must be at least 1.")
     if not 0.0 <= q < np.inf:
-        raise ValueError(f"q = {q} is no power density: it must be finite and not negative")
+        raise ValueError(f"q = {q} is no power density: it must be finite and not negative.")
     p = order
     Phi = np.array([[h ** (j - i) / factorial(j - i) if j >= i else 0.0 for j in range(p)] for i in range(p)])
     Q = np.empty((p, p))
@@ -105,7 +105,7 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
     h, tau, sigma = _positive("h", h), _positive("tau", tau), scalar("sigma", sigma)
     order = whole("order", order)
     if order < 1 or not 0.0 <= sigma < np.inf:
-        raise ValueError(f"order = {order}, sigma = {sigma}: order must be at least 1, sigma finite and not negative")
+        raise ValueError(f"order = {order}, sigma = {sigma}: order must be at least 1, sigma finite and not negative.")
     if order == 1:
         return np.array([[exp(-h / tau)]]), np.array([[-(sigma**2) * expm1(-2.0 * h / tau)]])
     # In units of tau the companion matrix is free of large and small numbers; the derivatives are scaled back after.
@@ -122,5 +122,5 @@ def gauss_markov(h: float, tau: float, sigma: float, order: int = 1) -> tuple[np
 def _positive(name: str, value: float) -> float:
     value = scalar(name, value)
     if not 0.0 < value < np.inf:
-        raise ValueError(f"{name} = {value} s: it must be positive and finite")
+        raise ValueError(f"{name} = {value} s: it must be positive and finite.")
     return value

@@ -102,12 +102,12 @@ class Trajectory:
             have = np.shape(getattr(self, name))
             if len(have) != len(shape) or any(want not in (None, h) for want, h in zip(shape, have, strict=True)):
                 raise ValueError(
-                    f"{name} of a trajectory has the shape {have}, with {N} epochs of {n} states it must be {shape}"
+                    f"{name} of a trajectory has the shape {have}, with {N} epochs of {n} states it must be {shape}."
                 )
 
         step, count = plain("step", self.step), min(len(self.transition), len(self.process_noise))
         if not ((step >= 0) & (step < count) & (step == np.floor(step))).all():
-            raise ValueError(f"step of a trajectory must hold whole numbers from 0 to {count - 1}")
+            raise ValueError(f"step of a trajectory must hold whole numbers from 0 to {count - 1}.")
         object.__setattr__(self, "step", step.astype(np.int64))
 
     def __len__(self) -> int:

@@ -300,7 +300,7 @@ def steps(transition: Transition, t: np.ndarray, n: int) -> tuple[np.ndarray, np
         return Phi, Q, step.astype(np.int64)
     if not isinstance(transition, (tuple, list)) or len(transition) != 2:
         kind = type(transition).__name__
-        raise ValueError(f"transition is a {kind}: give a pair (Phi, Q), or a function of the step that returns one")
+        raise ValueError(f"transition is a {kind}: give a pair (Phi, Q), or a function of the step that returns one.")
     Phi, Q = transition
     Phi, Q = matrices("Phi", Phi, count, n, n), covariances("Q", Q, count, n)
     if len(Phi) == len(Q) == 1:

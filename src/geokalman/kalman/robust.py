@@ -127,7 +127,7 @@ def redundancy_numbers(N, variance) -> np.ndarray:
     status = normal_step(N, np.zeros(len(N)), 1.0 / variance, x, U)
     if status != 0:
         raise ValueError(
-            f"the {len(N)} observations leave direction {status - 1} undetermined; redundancy numbers need full rank"
+            f"the {len(N)} observations leave direction {status - 1} undetermined; redundancy numbers need full rank."
         )
     B = np.ascontiguousarray(N.T)
     solve_lower(U, B)
@@ -145,7 +145,7 @@ def gate(innovation: Innovation, probability: float = 0.999) -> bool:
     from scipy.special import gammaincinv
 
     if not 0.0 < probability < 1.0:
-        raise ValueError(f"probability = {probability}: it must lie between 0 and 1")
+        raise ValueError(f"probability = {probability}: it must lie between 0 and 1.")
     w = plain("whitened", innovation.whitened, missing=True)
     w = w[~np.isnan(w)]
     return bool(w.size == 0 or (w**2).sum() <= 2.0 * gammaincinv(0.5 * w.size, probability))
@@ -157,7 +157,7 @@ def thresholds(k0: float, k1: float) -> None:
     >>> thresholds(1.5, 2.5)
     """
     if not 0.0 < scalar("k0", k0) < scalar("k1", k1):
-        raise ValueError(f"thresholds k0 = {k0}, k1 = {k1}: they must be positive and k0 below k1")
+        raise ValueError(f"thresholds k0 = {k0}, k1 = {k1}: they must be positive and k0 below k1.")
 
 
 def positive(name: str, values: np.ndarray) -> np.ndarray:
@@ -168,5 +168,5 @@ def positive(name: str, values: np.ndarray) -> np.ndarray:
     """
     if not (values > 0.0).all():
         a = int(np.argmin(values > 0.0))
-        raise ValueError(f"{name}[{a}] = {values[a]:g}: it must be positive")
+        raise ValueError(f"{name}[{a}] = {values[a]:g}: it must be positive.")
     return values

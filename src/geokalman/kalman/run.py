@@ -56,7 +56,7 @@ def run(
     ([1.5, 1.5], [0.75, 1.75])
     """
     if kind not in ("extended", "unscented"):
-        raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented")
+        raise ValueError(f"kind = {kind!r} is unknown: take extended or unscented.")
     code = EXTENDED if kind == "extended" else UNSCENTED
     space = model.manifold or flat()
     if model.manifold is None:
@@ -73,7 +73,7 @@ def run(
         _judgeable(adaptive, sensing.kind, n)
     if nx != n and LINEAR in sensing.kind:
         i = list(sensing.kind).index(LINEAR)
-        raise ValueError(f"sensor {i} is linear: where a state of {nx} numbers has an error of {n}, give h")
+        raise ValueError(f"sensor {i} is linear: where a state of {nx} numbers has an error of {n}, give h.")
     judged = 0 if adaptive is None else N
     course = History(
         np.empty((N, nx)), np.empty((N, n, n)), np.empty((N, nx)), np.empty((N, n, n)), np.full((N, M), np.nan),
@@ -107,9 +107,9 @@ def _judgeable(hook: Adaptive, kinds: np.ndarray, n: int) -> None:
     """Raise ValueError where an adaptive hook cannot judge."""
     if UNSCENTED in kinds:
         i = list(kinds).index(UNSCENTED)
-        raise ValueError(f"an adaptive hook judges linearised observations: sensor {i} is unscented")
+        raise ValueError(f"an adaptive hook judges linearised observations: sensor {i} is unscented.")
     if hook.states > n and HOOKS[hook.by] >= HOOKS["discrepancy"]:
-        raise ValueError(f"states = {hook.states} of the adaptive hook: the state has {n}")
+        raise ValueError(f"states = {hook.states} of the adaptive hook: the state has {n}.")
 
 
 def _finite(course: Trajectory, z: np.ndarray, stopped: bool) -> None:
@@ -121,19 +121,19 @@ def _finite(course: Trajectory, z: np.ndarray, stopped: bool) -> None:
     ):
         if lost.any() and not (stopped and name == "h(x)"):  # the epoch of the stop is not complete
             k = int(np.argmax(lost))
-            raise ValueError(f"{name} is not finite at epoch {k} (t = {course.t[k]:g} s)")
+            raise ValueError(f"{name} is not finite at epoch {k} (t = {course.t[k]:g} s).")
 
 
 def _options(scaling, iterations, gate, adaptive: Adaptive | None, space: Manifold | None, kind: int) -> Options:
     if whole("iterations", iterations) < 1:
-        raise ValueError(f"iterations = {iterations}: an update needs at least one linearisation")
+        raise ValueError(f"iterations = {iterations}: an update needs at least one linearisation.")
     if not (gate == np.inf or scalar("gate", gate) > 0.0):
-        raise ValueError(f"gate = {gate}: it must be positive; inf admits every observation")
+        raise ValueError(f"gate = {gate}: it must be positive; inf admits every observation.")
     iterated = space is not None or iterations > 1 or gate < np.inf
     if iterated and kind == UNSCENTED:
-        raise ValueError("manifold, iterations and gate belong to the extended filter: take kind = 'extended'")
+        raise ValueError("manifold, iterations and gate belong to the extended filter: take kind = 'extended'.")
     if iterated and adaptive is not None:
-        raise ValueError("an adaptive hook takes a flat state, one linearisation and no gate")
+        raise ValueError("an adaptive hook takes a flat state, one linearisation and no gate.")
     hook = Adaptive(by="ratio") if adaptive is None else adaptive
     return Options(
         *scaling, plain=not iterated and adaptive is None, iterations=int(iterations), gate=float(gate),
@@ -147,7 +147,7 @@ def _motion(model: Model, t: np.ndarray, nx: int, n: int, kind: int):
     count, params = len(t) - 1, array("params of the model", model.params, None)
     inputs = _inputs("the model", model.inputs, count)
     if model.f is None and model.F is None:
-        raise ValueError("the model has neither f nor F: give a function or matrices")
+        raise ValueError("the model has neither f nor F: give a function or matrices.")
     if model.f is None:
         transition = model.F if callable(model.F) else (model.F, model.Q)
         Phi, Q, step = steps(transition, t, n)
@@ -163,9 +163,9 @@ def _propagation(model: Model, nx: int, n: int, kind: int):
     """Join Python functions f, F, Q to one with the signature PROPAGATE."""
     f, F = model.f, model.F
     if kind == EXTENDED and F is None:
-        raise ValueError("the model has no F: the extended filter needs the Jacobian of f")
+        raise ValueError("the model has no F: the extended filter needs the Jacobian of f.")
     if model.Q is None:
-        raise ValueError("the model has no Q: give the covariance of a step")
+        raise ValueError("the model has no Q: give the covariance of a step.")
     f, F = checked_once(array, "f(x)", f, nx), checked_once(array, "F(x)", F, n, n)
     Q = checked_once(covariance, "Q", model.Q, n) if callable(model.Q) else None
 
@@ -184,7 +184,7 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
     """Join Python functions h, H to one with the signature OBSERVE."""
     h, H = sensor.h, sensor.H
     if kind == EXTENDED and H is None:
-        raise ValueError(f"sensor {i} has no H: the extended filter needs the Jacobian of every sensor")
+        raise ValueError(f"sensor {i} has no H: the extended filter needs the Jacobian of every sensor.")
     h, H = checked_once(array, "h(x)", h, m), checked_once(array, "H(x)", H, m, n)
 
     def observe(t, x, u, p, h_out, H_out, R):
@@ -199,13 +199,13 @@ def _observation(sensor: Sensor, i: int, m: int, n: int, kind: int):
 def _sensing(sensors: Sequence[Sensor], N: int, n: int, kind: int):
     """Give the sensors as functions with the signature OBSERVE and as arrays."""
     if not sensors:
-        raise ValueError("there is no sensor: give at least one")
+        raise ValueError("there is no sensor: give at least one.")
     z = [array(f"z of sensor {i}", s.z, N, None, missing=True) for i, s in enumerate(sensors)]
     first = _offsets([values.shape[1] for values in z])
     R, H, functions = [], [], []
     for i, (s, m) in enumerate(zip(sensors, np.diff(first), strict=True)):
         if s.h is None and s.H is None:
-            raise ValueError(f"sensor {i} has neither h nor H: give a function or a matrix")
+            raise ValueError(f"sensor {i} has neither h nor H: give a function or a matrix.")
         R.append(covariances(f"R of sensor {i}", s.R, N, m))
         H.append(matrices(f"H of sensor {i}", s.H, N, m, n) if s.h is None else np.zeros((1, m, n)))
         if s.h is None:

@@ -145,7 +145,7 @@ def spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, floa
     alpha, beta, kappa = scalar("alpha", alpha), scalar("beta", beta), scalar("kappa", kappa)
     if not (alpha > 0.0 and n + kappa > 0.0):
         given = f"alpha = {alpha} and kappa = {kappa} with n = {n}"
-        raise ValueError(f"{given} give no sigma points: alpha and n + kappa must be positive")
+        raise ValueError(f"{given} give no sigma points: alpha and n + kappa must be positive.")
     return alpha * float(np.sqrt(n + kappa)), beta - alpha**2
 
 

@@ -53,7 +53,7 @@ class EarthOrientation:
         if bad.any():
             raise OutsideOrientation(
                 f"MJD {date[bad.argmax()]:.2f} is outside the Earth orientation, which covers MJD {self.mjd[0]:.0f} to"
-                f" {self.mjd[-1]:.0f} (2011-01-01 to 2020-01-01)"
+                f" {self.mjd[-1]:.0f} (2011-01-01 to 2020-01-01)."
             )
         tt = day + (t + tt_minus_utc(day)) / DAY
         x, y, s = erfa.xys06a(MJD_ZERO, tt)

@@ -177,7 +177,7 @@ def misfit(gm: float, radius: float, C20: float, body: Body) -> Misfit | None:
 def require_body(field: GravityField, body: Body) -> GravityField:
     """The field, unless it is not that of the body (`misfit`): then ValueError."""
     if found := misfit(field.gm, field.radius, field.C[2, 0], body):
-        raise ValueError(f"{field.name}: {found.sentence}")
+        raise ValueError(f"{field.name}: {found.sentence}.")
     return field
 
 

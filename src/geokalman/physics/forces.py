@@ -21,7 +21,7 @@ from geokalman.physics.harmonics import GravityField
 def gravity_params(field: GravityField, omega: float, n_max: int | None = None) -> np.ndarray:
     """Parameters of `gravity_force`: the rotation rate [rad s^-1], then the packed field to degree and order n_max."""
     if not math.isfinite(omega):
-        raise ValueError(f"rotation rate omega = {omega} rad/s must be a finite number")
+        raise ValueError(f"rotation rate omega = {omega} rad/s must be a finite number.")
     return np.concatenate([[omega], pack(field, n_max)])
 
 

@@ -49,9 +49,11 @@ def to_eci(t: np.ndarray | float, v_ecef: np.ndarray, omega: float) -> np.ndarra
 def _turn(t: np.ndarray | float, v: np.ndarray, rate: float) -> np.ndarray:
     t, v = np.asarray(t, dtype=float), np.asarray(v, dtype=float)
     if v.ndim == 0 or v.shape[-1] != 3:
-        raise ValueError(f"vectors have shape {v.shape}, their last axis must be x, y, z")
+        raise ValueError(f"vectors have shape {v.shape}, their last axis must be x, y, z.")
     if t.ndim > 1 or (t.ndim == 1 and v.shape[0] != t.shape[0]):
-        raise ValueError(f"times of shape {t.shape} do not fit vectors of shape {v.shape}: time goes on the first axis")
+        raise ValueError(
+            f"times of shape {t.shape} do not fit vectors of shape {v.shape}: time goes on the first axis."
+        )
     angle = (rate * t).reshape(t.shape + (1,) * (v.ndim - 1 - t.ndim))
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * v[..., 0] + s * v[..., 1], c * v[..., 1] - s * v[..., 0], v[..., 2]], axis=-1)

@@ -60,7 +60,7 @@ def pack_gradient(field: GravityField, n_max: int | None = None) -> np.ndarray:
     """
     n_max = checked_degree(field, n_max)
     if n_max + 2 > MAX_DEGREE:
-        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE - 2}: the series of the gradient leave float64 there")
+        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE - 2}: the series of the gradient leave float64 there.")
     C, S = field.C[: n_max + 1, : n_max + 1], field.S[: n_max + 1, : n_max + 1]
     first = [derivative(C, S, axis) for axis in range(3)]
     m, n = np.triu_indices(n_max + 3)

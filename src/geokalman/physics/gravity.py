@@ -40,7 +40,7 @@ def monic_factors(n_max: int) -> np.ndarray:
     Returns (n_max+1, n_max+1), lower triangle. Raises ValueError for a degree outside the range of float64.
     """
     if not 0 <= n_max <= MAX_DEGREE:
-        raise ValueError(f"degree {n_max} is outside 0..{MAX_DEGREE}, where the monic Legendre recursion fits float64")
+        raise ValueError(f"degree {n_max} is outside 0..{MAX_DEGREE}, where the monic Legendre recursion fits float64.")
     k = np.zeros((n_max + 1, n_max + 1))
     k[0, 0] = 1.0
     for n in range(1, n_max + 1):
@@ -90,9 +90,9 @@ def checked_degree(field: GravityField, n_max: int | None) -> int:
     if n_max is None:
         n_max = top
     if not 0 <= n_max <= top:
-        raise ValueError(f"n_max = {n_max} is outside 0..{top}, the degrees of the field {field.name}")
+        raise ValueError(f"n_max = {n_max} is outside 0..{top}, the degrees of the field {field.name}.")
     if n_max > MAX_DEGREE:
-        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE}, the recursion leaves float64: truncate the field")
+        raise ValueError(f"n_max = {n_max} is above {MAX_DEGREE}, the recursion leaves float64: truncate the field.")
     return int(n_max)
 
 
@@ -100,7 +100,7 @@ def checked_points(r: np.ndarray, radius: float) -> np.ndarray:
     """Positions (..., 3) as a contiguous (k, 3) array; ValueError where one is below the field of that radius."""
     r = np.asarray(r, dtype=float)
     if r.ndim == 0 or r.shape[-1] != 3:
-        raise ValueError(f"positions have shape {r.shape}, their last axis must be x, y, z")
+        raise ValueError(f"positions have shape {r.shape}, their last axis must be x, y, z.")
     points = np.ascontiguousarray(r.reshape(-1, 3))
     distance = np.sqrt(np.einsum("ij,ij->i", points, points))
     bad = np.flatnonzero(~(distance >= MIN_RADIUS_RATIO * radius))
@@ -108,7 +108,7 @@ def checked_points(r: np.ndarray, radius: float) -> np.ndarray:
         i = bad[0]
         raise ValueError(
             f"position {i} is {distance[i]:.6g} m from the centre, the exterior field needs at least "
-            f"{MIN_RADIUS_RATIO:g} of its radius {radius:.10g} m"
+            f"{MIN_RADIUS_RATIO:g} of its radius {radius:.10g} m."
         )
     return points
 

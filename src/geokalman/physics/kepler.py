@@ -25,7 +25,7 @@ def eccentric_anomaly(mean_anomaly: float, e: float) -> float:
     Raises ValueError for an eccentricity outside [0, 1).
     """
     if not 0.0 <= e < 1.0:
-        raise ValueError(f"eccentricity {e:g} is no ellipse's: it must be in [0, 1)")
+        raise ValueError(f"eccentricity {e:g} is no ellipse's: it must be in [0, 1).")
     turns = math.floor(mean_anomaly / (2.0 * math.pi) + 0.5)
     M = mean_anomaly - 2.0 * math.pi * turns
     low, high = M - e, M + e  # |E - M| <= e: a bracket that keeps Newton from leaving near e = 1
@@ -53,11 +53,11 @@ def kepler_to_state(elements: Elements | tuple[float, ...], gm: float) -> np.nda
     """
     a, e, inc, raan, argp, mean_anomaly = elements
     if not (a > 0.0 and math.isfinite(a)):
-        raise ValueError(f"semi-major axis {a:g} m must be positive and finite")
+        raise ValueError(f"semi-major axis {a:g} m must be positive and finite.")
     if not gm > 0.0:
-        raise ValueError(f"GM = {gm:g} m^3/s^2 must be positive")
+        raise ValueError(f"GM = {gm:g} m^3/s^2 must be positive.")
     if not all(map(math.isfinite, (inc, raan, argp, mean_anomaly))):
-        raise ValueError(f"angles (inc, raan, argp, M) = {(inc, raan, argp, mean_anomaly)} rad must be finite")
+        raise ValueError(f"angles (inc, raan, argp, M) = {(inc, raan, argp, mean_anomaly)} rad must be finite.")
     E = eccentric_anomaly(mean_anomaly, e)
     minor = math.sqrt((1.0 - e) * (1.0 + e))
     rate = math.sqrt(gm / a) / (1.0 - e * math.cos(E))
@@ -77,19 +77,19 @@ def state_to_kepler(state: np.ndarray, gm: float) -> Elements:
     """
     state = np.asarray(state, dtype=float)
     if state.shape != (6,):
-        raise ValueError(f"a state has shape (6,), position and velocity, not {state.shape}")
+        raise ValueError(f"a state has shape (6,), position and velocity, not {state.shape}.")
     r, v = state[:3], state[3:]
     distance = np.linalg.norm(r)
     momentum = np.cross(r, v)
     h = np.linalg.norm(momentum)
     if not (distance > 0.0 and h > 1e-12 * distance * np.linalg.norm(v)):
-        raise ValueError(f"state {state.tolist()} moves on a straight line through the centre, no ellipse fits it")
+        raise ValueError(f"state {state.tolist()} moves on a straight line through the centre, no ellipse fits it.")
     energy = 0.5 * (v @ v) - gm / distance
     eccentricity = np.cross(v, momentum) / gm - r / distance
     e = float(np.linalg.norm(eccentricity))
     if not energy < 0.0 or e >= 1.0:
         raise ValueError(
-            f"eccentricity {e:g} at state {state.tolist()}: not bound to GM = {gm:g} m^3/s^2, e must be below 1"
+            f"eccentricity {e:g} at state {state.tolist()}: not bound to GM = {gm:g} m^3/s^2, e must be below 1."
         )
     a = -0.5 * gm / energy
     inc = math.atan2(math.hypot(momentum[0], momentum[1]), momentum[2])

@@ -83,11 +83,11 @@ def integrate(
     elif method in STEP:
         h = STEP[method] if h is None else float(h)
         if not (h > 0.0 and np.isfinite(h)):
-            raise ValueError(f"step h = {h:g} s must be positive and finite")
+            raise ValueError(f"step h = {h:g} s must be positive and finite.")
         solve = _gauss_jackson if method == "gj" else _dop853
         states, evaluations = solve(force, params, y, times, h, surface, progress)
     else:
-        raise ValueError(f"method {method!r} is unknown, take one of gj, dop853, rk45")
+        raise ValueError(f"method {method!r} is unknown, take one of gj, dop853, rk45.")
     bodies = states.reshape(times.size, -1, 6)
     return Orbits(times, bodies[..., :3].copy(), bodies[..., 3:].copy(), method, h, evaluations)
 
@@ -96,16 +96,16 @@ def _checked_times(t: np.ndarray | tuple[float, int]) -> np.ndarray:
     if isinstance(t, tuple) and len(t) == 2:
         dt, n = t
         if n != int(n) or n < 1:
-            raise ValueError(f"{n} intervals of {dt:g} s: their number must be a positive whole number")
+            raise ValueError(f"{n} intervals of {dt:g} s: their number must be a positive whole number.")
         t = np.arange(int(n) + 1) * float(dt)
     times = np.array(t, dtype=float)
     if times.ndim != 1 or times.size < 2:
-        raise ValueError(f"times have shape {times.shape}, at least a start and an end are needed in one dimension")
+        raise ValueError(f"times have shape {times.shape}, at least a start and an end are needed in one dimension.")
     step = np.diff(times)
     if not np.all(np.isfinite(times)) or not (np.all(step > 0.0) or np.all(step < 0.0)):
         i = int(np.argmin(np.where(np.isfinite(step), step * np.sign(step[0]), -np.inf)))
         raise ValueError(
-            f"times {times[i]:g}, {times[i + 1]:g} s at index {i}: times must go strictly one way and be finite"
+            f"times {times[i]:g}, {times[i + 1]:g} s at index {i}: times must go strictly one way and be finite."
         )
     return times
 
@@ -113,14 +113,16 @@ def _checked_times(t: np.ndarray | tuple[float, int]) -> np.ndarray:
 def _checked_state(y0: np.ndarray, surface: float) -> np.ndarray:
     y = np.array(y0, dtype=float).ravel()
     if y.size == 0 or y.size % 6 or (np.ndim(y0) > 1 and np.shape(y0)[-1] != 6):
-        raise ValueError(f"state of shape {np.shape(y0)}: six numbers, position and velocity, are needed for each body")
+        raise ValueError(
+            f"state of shape {np.shape(y0)}: six numbers, position and velocity, are needed for each body."
+        )
     if not np.all(np.isfinite(y)):
-        raise ValueError(f"state {y.tolist()} holds a number that is not finite")
+        raise ValueError(f"state {y.tolist()} holds a number that is not finite.")
     distance = np.linalg.norm(y.reshape(-1, 6)[:, :3], axis=1)
     if np.any(distance < surface):
         b = int(np.argmin(distance))
         raise ValueError(
-            f"body {b} starts {distance[b]:.10g} m from the centre, inside the surface at {surface:.10g} m"
+            f"body {b} starts {distance[b]:.10g} m from the centre, inside the surface at {surface:.10g} m."
         )
     return y
 
@@ -128,7 +130,7 @@ def _checked_state(y0: np.ndarray, surface: float) -> np.ndarray:
 def _fail(time: float, surface: float) -> None:
     raise ArithmeticError(
         f"a body came within {surface:.10g} m of the centre, or its state stopped being finite, about t = {time:g} s: "
-        "raise the orbit, shorten the run or the step"
+        "raise the orbit, shorten the run or the step."
     )
 
 
@@ -163,7 +165,7 @@ def _gauss_jackson(force, params, y, times, h, surface, progress):
         interval = times[i] - times[i - 1]
         raise ValueError(
             f"output interval dt = {interval:.10g} s at index {i} is no multiple of the step h = {abs(h):.10g} s: "
-            f"take h = {abs(interval) / np.ceil(abs(interval / h)):.10g} s, or method dop853 for free times"
+            f"take h = {abs(interval) / np.ceil(abs(interval / h)):.10g} s, or method dop853 for free times."
         )
     half, reach, last = gj.HALF, 2 * gj.HALF, int(index[-1])
     if last <= reach:
@@ -213,7 +215,7 @@ def _gauss_jackson(force, params, y, times, h, surface, progress):
             if not difference <= PREDICTION * distance:
                 raise ArithmeticError(
                     f"step h = {abs(h):g} s is too long for Gauss-Jackson here, prediction and correction differ by "
-                    f"{difference:.3g} m at t = {times[0] + h * end:g} s: shorten the step or take method dop853"
+                    f"{difference:.3g} m at t = {times[0] + h * end:g} s: shorten the step or take method dop853."
                 )
         until = int(np.searchsorted(index, end - half, side="right"))
         gj.central_states(h, index[ready:until] - first, u, w, a, s1, s2, states[ready:until])
@@ -238,7 +240,7 @@ def _gauss_jackson(force, params, y, times, h, surface, progress):
 
 def _rk45(force, params, y, times, surface, rtol, atol, progress):
     if not (rtol > 0.0 and atol > 0.0):
-        raise ValueError(f"tolerances rtol = {rtol:g}, atol = {atol:g} must be positive")
+        raise ValueError(f"tolerances rtol = {rtol:g}, atol = {atol:g} must be positive.")
     acceleration = np.empty(y.size // 2)
     calls = itertools.count(1)
 

@@ -26,7 +26,7 @@ from geokalman.physics.simd import LANES, load, mul, muladd, splat, store
 def column_count(n_max: int) -> int:
     """Number of unknowns to degree and order n_max with degrees 0 and 1 held: (n_max + 1)^2 - 4."""
     if n_max < 2:
-        raise ValueError(f"n_max = {n_max} leaves nothing to recover: degrees 0 and 1 are held, take at least 2")
+        raise ValueError(f"n_max = {n_max} leaves nothing to recover: degrees 0 and 1 are held, take at least 2.")
     return (n_max + 1) ** 2 - 4
 
 
@@ -47,7 +47,7 @@ def to_vector(C: np.ndarray, S: np.ndarray, n_max: int) -> np.ndarray:
 def from_vector(x: np.ndarray, n_max: int) -> tuple[np.ndarray, np.ndarray]:
     """C, S (n_max+1, n_max+1) of a vector in the order of the columns; degrees 0 and 1 are left zero."""
     if np.shape(x) != (column_count(n_max),):
-        raise ValueError(f"vector of shape {np.shape(x)}: degree {n_max} has {column_count(n_max)} columns")
+        raise ValueError(f"vector of shape {np.shape(x)}: degree {n_max} has {column_count(n_max)} columns.")
     (cn, cm), (sn, sm) = _places(n_max)
     C, S = np.zeros((2, n_max + 1, n_max + 1))
     C[cn, cm] = x[: cn.size]
@@ -178,15 +178,15 @@ def design_block(
     rA, rB = checked_points(rA, radius), checked_points(rB, radius)
     e = np.ascontiguousarray(e, dtype=float).reshape(-1, 3)
     if not rA.shape == rB.shape == e.shape:
-        raise ValueError(f"positions {rA.shape}, {rB.shape} and lines of sight {e.shape} must be as many")
+        raise ValueError(f"positions {rA.shape}, {rB.shape} and lines of sight {e.shape} must be as many.")
     off = np.abs(np.einsum("ij,ij->i", e, e) - 1.0)
     if np.any(~(off < 1e-9)):
         i = int(np.argmax(~(off < 1e-9)))
-        raise ValueError(f"line of sight {i}, {e[i].tolist()}, has length {np.linalg.norm(e[i]):.12g}, it must be 1")
+        raise ValueError(f"line of sight {i}, {e[i].tolist()}, has length {np.linalg.norm(e[i]):.12g}, it must be 1.")
     shape = (rA.shape[0], column_count(n_max))
     if out is None:
         out = np.empty(shape)
     elif out.shape != shape or out.dtype != np.float64 or not out.flags.c_contiguous:
-        raise ValueError(f"out is {out.dtype} {out.shape}, it must be C-contiguous float64 {shape}")
+        raise ValueError(f"out is {out.dtype} {out.shape}, it must be C-contiguous float64 {shape}.")
     _design_rows(rA, rB, e, float(gm), float(radius), n_max, row_table(n_max), out)
     return out

@@ -66,12 +66,12 @@ class ForceModel:
 
     def __post_init__(self) -> None:
         if self.degree < 0:
-            raise ValueError(f"degree = {self.degree} of the field must be 0 (a sphere) or more")
+            raise ValueError(f"degree = {self.degree} of the field must be 0 (a sphere) or more.")
         for name in self.bodies:
             if name not in GM_BODIES:
-                raise ValueError(f"body {name!r} is unknown; give some of {', '.join(GM_BODIES)}")
+                raise ValueError(f"body {name!r} is unknown; give some of {', '.join(GM_BODIES)}.")
         if not self.kappa >= 0.0:
-            raise ValueError(f"kappa = {self.kappa} m^2/kg must not be negative")
+            raise ValueError(f"kappa = {self.kappa} m^2/kg must not be negative.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class Dynamics:
             if not self.first <= t <= self.last:
                 raise ValueError(
                     f"t = {t:.10g} s is outside the tables of MJD {self.day}, which span {self.first:.10g} to"
-                    f" {self.last:.10g} s"
+                    f" {self.last:.10g} s."
                 )
 
     def propagate(self, state: Array, t: Array, step: float = INTEGRATION_STEP) -> Orbits:
@@ -163,7 +163,7 @@ def dynamics(day: int, first: float, last: float, model: ForceModel | None = Non
     """
     model = model or ForceModel()
     if not first < last:
-        raise ValueError(f"the span from {first:g} to {last:g} s is empty")
+        raise ValueError(f"the span from {first:g} to {last:g} s is empty.")
     low, rows = math.floor(first / STEP) - MARGIN, math.ceil(last / STEP) - math.floor(first / STEP) + 2 * MARGIN + 1
     table = _table(day, low, rows)
     gravity = load_field("EGM96", max(model.degree, 2))

@@ -36,7 +36,7 @@ class _Float64x8Model(models.PrimitiveModel):
 def _checked(array):
     good = isinstance(array, types.Array) and (array.ndim, array.layout, array.dtype) == (1, "C", types.float64)
     if not good:
-        raise errors.TypingError(f"lanes are loaded from and stored to contiguous float64 vectors, not {array}")
+        raise errors.TypingError(f"lanes are loaded from and stored to contiguous float64 vectors, not {array}.")
     return array
 
 

@@ -41,7 +41,7 @@ def tai_minus_utc(mjd: int) -> int:
     if not _LEAP[0][0] <= mjd <= _KNOWN_UNTIL:
         raise ValueError(
             f"MJD {mjd} is outside {_LEAP[0][0]} to {_KNOWN_UNTIL} (1972-01-01 to 2027-06-28), where leap seconds are"
-            " known"
+            " known."
         )
     return next(seconds for first, seconds in reversed(_LEAP) if mjd >= first)
 
@@ -63,10 +63,10 @@ def parse_utc(text: str) -> tuple[int, float]:
     ValueError for another form, a date or a time that does not exist. Source: ISO 8601-1:2019.
     """
     if not isinstance(text, str):
-        raise ValueError(f"{text!r} is no UTC epoch; write it as text, '2013-05-07 13:15:22'")
+        raise ValueError(f"{text!r} is no UTC epoch; write it as text, '2013-05-07 13:15:22'.")
     match = _UTC.fullmatch(text.strip())
     if match is None or (match[4] is None and (match[7] or "Z")[0] in "+-"):  # a zone goes with a time of day
-        raise ValueError(f"{text!r} is no UTC epoch; write it as 2013-05-07 13:15:22")
+        raise ValueError(f"{text!r} is no UTC epoch; write it as 2013-05-07 13:15:22.")
     year, month, day, hour, minute = (int(part or 0) for part in match.groups()[:5])
     second, zone = float((match[6] or "0").replace(",", ".")), (match[7] or "Z").replace(":", "")
     east = 0 if zone[0] not in "+-" else int(zone[0] + "1") * (60 * int(zone[1:3]) + int(zone[3:] or 0))  # minutes
@@ -75,12 +75,12 @@ def parse_utc(text: str) -> tuple[int, float]:
     except ValueError as error:
         raise ValueError(f"{text!r} is no UTC epoch: {error}") from error
     if hour > 23 or minute > 59 or abs(east) >= 24 * 60:
-        raise ValueError(f"{text!r} is no UTC epoch: its time of day or its zone does not exist")
+        raise ValueError(f"{text!r} is no UTC epoch: its time of day or its zone does not exist.")
     days, minutes = divmod(60 * hour + minute - east, 24 * 60)
     mjd += days
     if second >= 60.0 and not (minutes == 1439 and second < 61.0 and _length(mjd) == 86401):
         raise ValueError(
-            f"{text!r} is no UTC epoch: its time of day does not exist (no leap second is known to end that minute)"
+            f"{text!r} is no UTC epoch: its time of day does not exist (no leap second is known to end that minute)."
         )
     return mjd, 60.0 * minutes + second
 
@@ -91,7 +91,7 @@ def iso_utc(mjd: int, seconds: float) -> str:
     Raises ValueError for a day that is not whole, seconds that are not finite, and outside of the years 1 to 9999.
     """
     if mjd != int(mjd) or not abs(seconds) < 1e12:  # 1e12 s are 30 000 years
-        raise ValueError(f"MJD {mjd} and {seconds} s are no epoch; give a whole day and finite seconds of it")
+        raise ValueError(f"MJD {mjd} and {seconds} s are no epoch; give a whole day and finite seconds of it.")
     hundredths, mjd = round(100.0 * seconds), int(mjd)  # first, so that 59.999 s become a new minute
     while hundredths < 0:
         mjd -= 1
@@ -104,7 +104,7 @@ def iso_utc(mjd: int, seconds: float) -> str:
     try:
         date = datetime.date.fromordinal(mjd + 678576).isoformat()
     except (ValueError, OverflowError):
-        raise ValueError(f"MJD {mjd} is not in the years 1 to 9999") from None
+        raise ValueError(f"MJD {mjd} is not in the years 1 to 9999.") from None
     return f"{date} {minutes // 60:02d}:{minutes % 60:02d}:{hundredths // 100:02d}.{hundredths % 100:02d}"
 
 

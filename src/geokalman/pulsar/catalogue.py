@@ -64,7 +64,7 @@ class Pulsar:
             (not 0.0 < self.pulsed <= 1.0, f"pulsed fraction {self.pulsed:g} is outside (0, 1]."),
         ):
             if wrong:
-                raise ValueError(f"{self.name}: {why}")
+                raise ValueError(f"{self.name}: {why}.")
 
     @property
     def direction(self) -> NDArray[np.float64]:

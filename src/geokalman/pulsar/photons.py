@@ -124,7 +124,7 @@ def arrival_times(t: Array, near: float, piece: float = 500.0, pieces: int = 7) 
     parts = np.split(since, np.searchsorted(since, piece * np.arange(1, pieces + 1)))[:pieces]
     if empty := [k + 1 for k, inside in enumerate(parts) if not inside.size]:
         lasting = f"the events last {since[-1]:.0f} s. Give shorter pieces, or fewer."
-        raise ValueError(f"piece {empty[0]} of {piece:g} s has no photon; {lasting}")
+        raise ValueError(f"piece {empty[0]} of {piece:g} s has no photon; {lasting}.")
     frequency, power = best_frequency(t, near)
     angle, sigma = np.empty(pieces), np.empty(pieces)
     for k, inside in enumerate(parts):

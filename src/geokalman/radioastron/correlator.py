@@ -42,13 +42,13 @@ class Setup:
 
     def __post_init__(self) -> None:
         if self.band not in BANDS:
-            raise ValueError(f"band {self.band!r} is unknown; give L (18 cm) or C (6.2 cm)")
+            raise ValueError(f"band {self.band!r} is unknown; give L (18 cm) or C (6.2 cm).")
         for name in ("bandwidth", "n_channels", "duration", "period", "padding"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} = {value:g} must be positive")
+                raise ValueError(f"{name} = {value:g} must be positive.")
         if self.period > self.duration:
-            raise ValueError(f"the accumulation period {self.period:g} s is longer than the scan, {self.duration:g} s")
+            raise ValueError(f"the accumulation period {self.period:g} s is longer than the scan, {self.duration:g} s.")
         memory.require(
             f"A scan of {self.duration:g} s in periods of {self.period:g} s and {self.n_channels} channels, padded "
             f"{self.padding} times,", (64.0 + 32.0 * self.padding) * self.cells,
@@ -114,7 +114,7 @@ def visibilities(
     if largest > setup.window:
         raise ValueError(
             f"residual delay {largest * 1e6:.2f} us is outside the lag window of +-{setup.window * 1e6:.2f} us "
-            f"({setup.n_channels} channels in {setup.bandwidth / 1e6:g} MHz); take more channels"
+            f"({setup.n_channels} channels in {setup.bandwidth / 1e6:g} MHz); take more channels."
         )
     turns = (setup.frequency + 0.5 * setup.bandwidth) * rate * setup.period
     loss = np.maximum(0.0, 1.0 - np.abs(delay) / segment) * np.sinc(turns)
@@ -228,7 +228,7 @@ def raw_check(setup: RawSamples, delay: float, rate: float, rng: np.random.Gener
     """
     n, total = setup.n_channels, round(setup.bandwidth * setup.duration)
     if abs(delay) >= n / setup.bandwidth:
-        raise ValueError(f"delay {delay * 1e6:.2f} us is longer than a segment of {n / setup.bandwidth * 1e6:.2f} us")
+        raise ValueError(f"delay {delay * 1e6:.2f} us is longer than a segment of {n / setup.bandwidth * 1e6:.2f} us.")
 
     def noise(share: float) -> Array:
         return math.sqrt(share) * ((rng.standard_normal(total) + 1j * rng.standard_normal(total)) / math.sqrt(2.0))

@@ -32,7 +32,7 @@ RATE_DISAGREEMENT = 0.1
 def _positive(name: str, value: float) -> None:
     value = scalar(name, value)
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} = {value:g} must be a positive finite sigma")
+        raise ValueError(f"{name} = {value:g} must be a positive finite sigma.")
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,11 @@ class Scenario:
         for name in ("pressure_error", "acceleration", "impulse"):
             value = scalar(name, getattr(self, name))
             if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} = {value:g} is the size of an unmodelled force; it must be finite, 0 or more")
+                raise ValueError(
+                    f"{name} = {value:g} is the size of an unmodelled force; it must be finite, 0 or more."
+                )
         if self.bias not in ("none", "common", "per-pass"):
-            raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass")
+            raise ValueError(f"bias = {self.bias!r} is unknown; give none, common or per-pass.")
 
     @classmethod
     def from_parameters(cls, p: dict[str, Any], **changes: Any) -> Scenario:
@@ -139,12 +141,12 @@ class Observations:
             object.__setattr__(self, name, _indices(name, getattr(self, name)))
         object.__setattr__(self, "day", whole("day", self.day))
         if not FIRST_DAY <= self.day <= LAST_DAY:
-            raise ValueError(f"day = {self.day} is no modified Julian date from {FIRST_DAY} to {LAST_DAY}")
+            raise ValueError(f"day = {self.day} is no modified Julian date from {FIRST_DAY} to {LAST_DAY}.")
         self._check_shapes()
         for name in LIMITS:
             self._check_values(name)
         if np.isnan(self.range).all() and np.isnan(self.rate).all():
-            raise ValueError("every measurement is missing: the pass is empty")
+            raise ValueError("every measurement is missing: the pass is empty.")
         self._check_times()
         for name in self.stations:
             find_station(name)
@@ -159,41 +161,45 @@ class Observations:
 
     def _check_shapes(self) -> None:
         if self.t.ndim != 1:
-            raise ValueError(f"t has shape {self.t.shape}; it must be (n,)")
+            raise ValueError(f"t has shape {self.t.shape}; it must be (n,).")
         n = len(self.t)
         if n == 0:
-            raise ValueError("there is no measurement: the pass is empty")
+            raise ValueError("there is no measurement: the pass is empty.")
         for name in ("station", "arc", "range", "rate"):
             if getattr(self, name).shape != (n,):
-                raise ValueError(f"{name} has shape {getattr(self, name).shape}; with {n} times it must be ({n},)")
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}; with {n} times it must be ({n},).")
         count = len(self.stations)
         if (k := _first((self.station < 0) | (self.station >= count))) is not None:
-            raise ValueError(f"station at index {k} is {self.station[k]}, an index into the {count} stations is needed")
+            raise ValueError(
+                f"station at index {k} is {self.station[k]}, an index into the {count} stations is needed."
+            )
 
     def _check_values(self, name: str) -> None:
         """Refuse infinities, and nulls and impossible sizes where they are few: where many, the unit is another."""
         values, (low, high, unit) = getattr(self, name), LIMITS[name]
         if (k := _first(np.isinf(values))) is not None:
-            raise ValueError(f"{name} at index {k} is infinite; a missing one is NaN")
+            raise ValueError(f"{name} at index {k} is infinite; a missing one is NaN.")
         bad = (values < low) | (values > high) | np.isin(values, NULLS)
         if 2 * bad.sum() < len(values) and (k := _first(bad)) is not None:
             raise ValueError(
                 f"{name} at index {k} is {values[k]:g} {unit}, a null or not between {low:g} and {high:g} {unit}; "
-                "a missing one is NaN"
+                "a missing one is NaN."
             )
 
     def _check_times(self) -> None:
         t = self.t
         if (k := _first(~np.isfinite(t))) is not None:
-            raise ValueError(f"time at index {k} is not finite")
+            raise ValueError(f"time at index {k} is not finite.")
         step = np.diff(t, prepend=t[0])
         if (k := _first(step < 0.0)) is not None:
-            raise ValueError(f"time {t[k]:g} s at index {k} is before the one ahead of it; sort the measurements")
+            raise ValueError(f"time {t[k]:g} s at index {k} is before the one ahead of it; sort the measurements.")
         if (k := _first((step[1:] == 0.0) & (np.diff(self.station) == 0))) is not None:
             name = self.stations[self.station[k]]
-            raise ValueError(f"station {name} measures twice at {t[k]:g} s (index {k + 1}); drop the duplicate")
+            raise ValueError(f"station {name} measures twice at {t[k]:g} s (index {k + 1}); drop the duplicate.")
         if (k := _first(step[1:] > LONGEST_GAP)) is not None:
-            raise ValueError(f"the gap of {step[k + 1]:g} s after {t[k]:g} s is longer than a day; estimate arc by arc")
+            raise ValueError(
+                f"the gap of {step[k + 1]:g} s after {t[k]:g} s is longer than a day; estimate arc by arc."
+            )
 
     def _check_ranges(self) -> None:
         """Hold the first range against the distance of the a-priori state: another unit shows."""
@@ -215,7 +221,7 @@ class Observations:
                 hint = words
         raise ValueError(
             f"range {value:.6g} m at index {k} is {value / expected:.4g} times the distance {expected:.6g} m of the "
-            f"a-priori state: {hint}"
+            f"a-priori state: {hint}."
         )
 
     def _check_rates(self) -> None:
@@ -240,7 +246,7 @@ class Observations:
                     hint = "check the units and the times of both"
                 raise ValueError(
                     f"the range-rates of {self.stations[station]} in pass {arc + 1}, {rate:.4f} m/s, disagree with "
-                    f"the slope {slope:.4f} m/s of its ranges: {hint}"
+                    f"the slope {slope:.4f} m/s of its ranges: {hint}."
                 )
 
 
@@ -253,23 +259,23 @@ def _indices(name: str, value: Any) -> NDArray[np.int64]:
     """Whole numbers (n,), from what `plain` admits."""
     out = plain(name, value)
     if not (np.isfinite(out).all() and (out == np.floor(out)).all()):
-        raise ValueError(f"{name} holds numbers that are not whole; indices are needed")
+        raise ValueError(f"{name} holds numbers that are not whole; indices are needed.")
     return out.astype(np.int64)
 
 
 def check_prior(mean: Array, cov: Array) -> None:
     """Raise ValueError for an a-priori state (6,) inside the Earth or unbound, or a cov (6, 6) that is none."""
     if mean.shape != (6,) or not np.isfinite(mean).all():
-        raise ValueError(f"the a-priori state must be six finite numbers, not {np.array2string(mean, threshold=8)}")
+        raise ValueError(f"the a-priori state must be six finite numbers, not {np.array2string(mean, threshold=8)}.")
     distance = float(np.linalg.norm(mean[:3]))
     if distance < R_EARTH:
-        raise ValueError(f"the a-priori position is {distance / 1e3:.1f} km from the centre, inside the Earth")
+        raise ValueError(f"the a-priori position is {distance / 1e3:.1f} km from the centre, inside the Earth.")
     if 0.5 * mean[3:] @ mean[3:] >= GM_EARTH / distance:
-        raise ValueError("the a-priori velocity exceeds that of escape: e >= 1, no ellipse")
+        raise ValueError("the a-priori velocity exceeds that of escape: e >= 1, no ellipse.")
     if cov.shape != (6, 6) or not np.isfinite(cov).all():
-        raise ValueError(f"P(0) must be a finite (6, 6) matrix, it has shape {cov.shape}")
+        raise ValueError(f"P(0) must be a finite (6, 6) matrix, it has shape {cov.shape}.")
     if np.abs(cov - cov.T).max() > 1e-9 * np.abs(cov).max():
-        raise ValueError("P(0) is not symmetric")
+        raise ValueError("P(0) is not symmetric.")
     sigma = np.sqrt(np.abs(np.diag(cov)))
     if not (np.diag(cov) > 0.0).all() or np.linalg.eigvalsh(cov / np.outer(sigma, sigma))[0] <= 0.0:
-        raise ValueError("P(0) is not positive definite")
+        raise ValueError("P(0) is not positive definite.")

@@ -91,7 +91,7 @@ def _start(data: Observations, world: Dynamics, weights: Tuning) -> tuple[Gaussi
     """A-priori state with its biases, observations (n, 2) and inputs (n, 4), checked."""
     if data.day != world.day:
         ours, theirs = (iso_utc(day, 0.0)[:10] for day in (data.day, world.day))
-        raise ValueError(f"the data are of {ours}, the forces of {theirs}; both count seconds from 0h of one day")
+        raise ValueError(f"the data are of {ours}, the forces of {theirs}; both count seconds from 0h of one day.")
     world.check_span(float(data.t[0]) - 2.0, float(data.t[-1]) + 2.0)
     check_passes(world, data.t, data.station, data.prior_mean, data.stations)
     column, pairs = -1.0, 0
@@ -121,7 +121,7 @@ def extended(
     Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
     """
     if transition not in _TRANSITIONS:
-        raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_TRANSITIONS)}")
+        raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_TRANSITIONS)}.")
     motion = *_TRANSITIONS[transition], process_noise
     return _filtered(data, world, weights, motion, "extended", iterations=iterations)
 

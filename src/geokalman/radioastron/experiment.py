@@ -68,7 +68,7 @@ def run_estimator(how: Method, data: Observations, forces: Dynamics) -> estimate
     if how.method == "ukf":
         return estimate.unscented(data, forces, how.weights).orbit
     if how.method not in EXTENDED:
-        raise ValueError(f"method {how.method!r} is unknown; give prior, batch, ukf, {', '.join(EXTENDED)}")
+        raise ValueError(f"method {how.method!r} is unknown; give prior, batch, ukf, {', '.join(EXTENDED)}.")
     options = EXTENDED[how.method] | {"process_noise": how.process_noise}
     return estimate.extended(data, forces, how.weights, **options).orbit
 
@@ -150,7 +150,7 @@ def correction_history(
     """
     forces, differences, radii = world(session), [], []
     if times[0] < session.passes[-1][1]:
-        raise ValueError(f"time {times[0]:g} s is before the end of tracking, {session.passes[-1][1]:g} s")
+        raise ValueError(f"time {times[0]:g} s is before the end of tracking, {session.passes[-1][1]:g} s.")
     for _, data in _draws(session, levels, stations, seed0, n_seeds):
         end = float(data.t[-1])
         orbits = (estimate.prior_orbit(data), run_estimator(how, data, forces))

@@ -134,11 +134,11 @@ def find_session(name: str, mean_anomaly_deg: float | None = None, station: str 
     """
     key = name.strip().upper().removeprefix("RAES03").replace("0", "O")
     if key not in SESSIONS:
-        raise ValueError(f"session {name!r} is unknown; give one of {', '.join(SESSIONS)} (RAES03ST, ...)")
+        raise ValueError(f"session {name!r} is unknown; give one of {', '.join(SESSIONS)} (RAES03ST, ...).")
     session = SESSIONS[key]
     if mean_anomaly_deg is not None:
         if not math.isfinite(mean_anomaly_deg):
-            raise ValueError(f"mean_anomaly_deg = {mean_anomaly_deg} is not finite")
+            raise ValueError(f"mean_anomaly_deg = {mean_anomaly_deg} is not finite.")
         session = replace(session, elements=(*session.elements[:5], float(mean_anomaly_deg)))
     if station:
         session = replace(session, station=find_station(station))
@@ -150,7 +150,7 @@ def check_leap_seconds(day: int, assumed: float) -> None:
     if abs(tt_minus_utc(day) - assumed) > 1e-9:
         raise ValueError(
             f"TT - UTC = {assumed:g} s is wrong on {iso_utc(day, 0.0)[:10]}: it is {tt_minus_utc(day):g} s there; "
-            "mind the leap second of 2012-06-30"
+            "mind the leap second of 2012-06-30."
         )
 
 
@@ -160,7 +160,7 @@ def find_station(name: str) -> str:
     for known in STATIONS:
         if first == known.lower().split(" ")[0]:
             return known
-    raise ValueError(f"station {name!r} is unknown; give some of {', '.join(STATIONS)}")
+    raise ValueError(f"station {name!r} is unknown; give some of {', '.join(STATIONS)}.")
 
 
 def find_stations(names: list[str] | tuple[str, ...], session: Session) -> tuple[str, ...]:
@@ -177,9 +177,9 @@ def direction(ra_deg: float, dec_deg: float) -> Array:
     Raises ValueError for a declination beyond 90 degrees or a right ascension outside [0, 360).
     """
     if not -90.0 <= dec_deg <= 90.0:
-        raise ValueError(f"declination {dec_deg:g} deg is beyond the pole; it must be in [-90, 90]")
+        raise ValueError(f"declination {dec_deg:g} deg is beyond the pole; it must be in [-90, 90].")
     if not 0.0 <= ra_deg < 360.0:
-        raise ValueError(f"right ascension {ra_deg:g} deg must be in [0, 360)")
+        raise ValueError(f"right ascension {ra_deg:g} deg must be in [0, 360).")
     ra, dec = math.radians(ra_deg), math.radians(dec_deg)
     return np.array([math.cos(dec) * math.cos(ra), math.cos(dec) * math.sin(ra), math.sin(dec)])
 
@@ -199,12 +199,12 @@ def find_source(text: str, session: Session, position: Array | None = None) -> A
         east = np.cross([0.0, 0.0, 1.0], up)
         return math.cos(angle) * up + math.sin(angle) * east / np.linalg.norm(east)
     if "h" in text or ":" in text:
-        raise ValueError(f"source {text!r} gives its right ascension in hours; write degrees, as in 4.285, 81.586")
+        raise ValueError(f"source {text!r} gives its right ascension in hours; write degrees, as in 4.285, 81.586.")
     try:
         ra, dec = (float(part) for part in text.split(","))
     except ValueError:
         raise ValueError(
-            f"source {text!r} is unknown; give one of {', '.join(SOURCES)}, or right ascension, declination in degrees"
+            f"source {text!r} is unknown; give one of {', '.join(SOURCES)}, or right ascension, declination in degrees."
         ) from None
     return direction(ra, dec)
 
@@ -213,7 +213,7 @@ def check_orbit(elements: tuple[float, ...]) -> None:
     """Raise ValueError for elements (a [m], e, ...) that are no ellipse or meet the Earth."""
     a, e = elements[:2]
     if not 0.0 <= e < 1.0:
-        raise ValueError(f"e = {e:g} is not the eccentricity of an ellipse; give 0 <= e < 1")
+        raise ValueError(f"e = {e:g} is not the eccentricity of an ellipse; give 0 <= e < 1.")
     if a * (1.0 - e) < R_EARTH:
         perigee, radius = a * (1.0 - e) / 1e3, R_EARTH / 1e3
         raise ValueError(

@@ -76,7 +76,7 @@ def light_time(terms: dict[str, float], switched_on: Collection[str] | None = No
 def _sum(terms: dict[str, float], names: Collection[str]) -> float:
     for name in names:
         if name not in terms:
-            raise ValueError(f"term {name!r} is unknown; the terms are {', '.join(terms)}")
+            raise ValueError(f"term {name!r} is unknown; the terms are {', '.join(terms)}.")
     return sum(terms[name] for name in names)
 
 

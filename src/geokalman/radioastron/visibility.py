@@ -35,7 +35,7 @@ def check_visible(world: Dynamics, t: Array, states: Array, stations: tuple[str,
             k = int(height.argmin())
             raise ValueError(
                 f"the spacecraft stands {np.degrees(height[k]):.1f} deg above the horizon of {name} at {t[k]:g} s; "
-                "no link below 5 deg: choose another station, pass or mean anomaly"
+                "no link below 5 deg: choose another station, pass or mean anomaly."
             )
 
 
