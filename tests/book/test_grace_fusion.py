@@ -65,7 +65,7 @@ def test_book_anchors_name_what_is_recorded(run):
         (
             "01-orbits",
             {"a_km": 6400.0},
-            r"a_km = 6400 with e = 0.0018 has its perigee 10.3 km",
+            r"a_km = 6400 with e = 0.0018: the orbit meets the atmosphere, its perigee is 10.3 km",
         ),
         (
             "05-recovery",

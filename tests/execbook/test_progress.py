@@ -1,7 +1,9 @@
 """What a running notebook tells where there is no terminal."""
 
+import io
 import json
 import re
+import sys
 import time
 
 import pytest
@@ -10,14 +12,14 @@ from execbook import progress
 from execbook.progress import Display, _loop
 
 
-def test_a_line_when_it_starts_now_and_then_and_when_it_ends(capsys, tmp_path):
-    told = ""
+def test_a_line_when_it_starts_now_and_then_and_when_it_ends(monkeypatch, tmp_path):
+    stream = io.StringIO()  # capsys may lose what is written while it is read
+    monkeypatch.setattr(sys, "stderr", stream)
     with Display(every=0.05) as display, display.notebook("toy/01-line") as tell:
         tell(3, 19, tmp_path / "report")
-        while "cell 3 of 19" not in told:
-            told += capsys.readouterr().err
+        while "cell 3 of 19" not in stream.getvalue():
             time.sleep(0.05)
-    first, *between, last = (told + capsys.readouterr().err).splitlines()
+    first, *between, last = stream.getvalue().splitlines()
     [second, *_] = [line for line in between if "cell 3" in line]  # one before the first cell, where it is slow
     assert first == "toy/01-line starts"
     assert re.fullmatch(r"\.\.\. toy/01-line: cell 3 of 19, \d+ s", second)
@@ -30,15 +32,16 @@ def test_a_failing_one_says_so_and_a_quick_one_only_starts_and_ends(capsys):
     assert re.fullmatch(r"toy/01-line starts\ntoy/01-line failed after \d+\.\d s\n", capsys.readouterr().err)
 
 
-def test_the_share_done_and_what_was_expected(capsys, tmp_path):
+def test_the_share_done_and_what_was_expected(monkeypatch, tmp_path):
     report = {"what": "normal equations", "share": 0.42, "left": 240.0, "expected": "may take about 7 min"}
     (tmp_path / "report").write_text(json.dumps(report))
-    told, end = "", time.monotonic() + 60
+    stream, end = io.StringIO(), time.monotonic() + 60
+    monkeypatch.setattr(sys, "stderr", stream)
     with Display(every=0.02) as display, display.notebook("toy/01-line") as tell:
         tell(3, 7, tmp_path / "report")
-        while told.count("...") < 2 and time.monotonic() < end:
-            told += capsys.readouterr().err
-    lines = told.splitlines()
+        while stream.getvalue().count("...") < 2 and time.monotonic() < end:
+            time.sleep(0.01)
+    lines = stream.getvalue().splitlines()
     assert lines.count("toy/01-line: may take about 7 min") == 1
     assert "... toy/01-line: cell 3 of 7, normal equations 42 %, about 4 min to go, 0 s" in lines
 
