@@ -53,7 +53,7 @@ def test_error_survives_a_process_border():
     error = pickle.loads(pickle.dumps(NotPositiveDefinite("innovation covariance", 3, 90.0, "too small")))
     assert isinstance(error, NotPositiveDefinite) and isinstance(error, ValueError)
     assert (error.matrix, error.epoch, error.t) == ("innovation covariance", 3, 90.0)
-    assert str(error) == "the innovation covariance is not positive definite at epoch 3 (t = 90 s): too small"
+    assert str(error) == "the innovation covariance is not positive definite at epoch 3 (t = 90 s): too small."
     error = pickle.loads(pickle.dumps(Stopped("sensor", 3, 90.0, 7)))
     assert (error.who, error.epoch, error.t, error.code) == ("sensor", 3, 90.0, 7)
     assert str(error) == "the sensor stopped at epoch 3 (t = 90 s) with code 7"

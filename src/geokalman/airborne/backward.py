@@ -53,7 +53,7 @@ def forward_backward(line: Line, tuning: Tuning, start: str) -> States:
     for k in range(N - 1, -1, -1):
         mean[k], cov[k] = combine(forward.mean[k], forward.cov[k], x, P, k)
         if not scalar_update_step(x, P, line.z[k] - model.H[0] @ x, model.H[0], model.R[0, 0]) > 0:
-            raise NotPositiveDefinite("innovation covariance of the backward filter.", k)
+            raise NotPositiveDefinite("innovation covariance of the backward filter", k)
         if k:
             back = np.linalg.solve(model.Phi[k - 1], np.eye(n))
             predict_step(x, P, back, back @ model.Q @ back.T, x_next, P_next)
@@ -70,7 +70,7 @@ def combine(x: Array, P: Array, x_b: Array, P_b: Array, epoch: int = 0) -> tuple
     n = len(x)
     total = P + P_b
     if root_semidefinite(total, np.empty((n, n))) != 0 or not (total.diagonal() > 0).all():
-        raise NotPositiveDefinite("sum of the forward and backward covariances.", epoch)
+        raise NotPositiveDefinite("sum of the forward and backward covariances", epoch)
     W = np.linalg.solve(total, P).T
     keep = np.eye(n) - W
     return x + W @ (x_b - x), keep @ P @ keep.T + W @ P_b @ W.T

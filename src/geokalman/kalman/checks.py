@@ -23,7 +23,7 @@ class NotPositiveDefinite(ValueError):
     def __init__(self, matrix: str, epoch: int | None = None, t: float | None = None, detail: str = "") -> None:
         self.matrix, self.epoch, self.t, self.course = matrix, epoch, t, None
         where = "" if epoch is None else f" at epoch {epoch}" + ("" if t is None else f" (t = {t:g} s)")
-        super().__init__(f"the {matrix} is not positive definite{where}{': ' + detail if detail else ''}")
+        super().__init__(f"the {matrix} is not positive definite{where}{': ' + detail if detail else ''}.")
 
     def __reduce__(self):  # keeps the fields when a worker process hands the error back
         return _rebuild, (str(self), self.matrix, self.epoch, self.t)

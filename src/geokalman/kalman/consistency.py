@@ -55,7 +55,7 @@ def nees(error, cov) -> np.ndarray:
             try:
                 np.linalg.cholesky(P[k])
             except np.linalg.LinAlgError:
-                raise NotPositiveDefinite("covariance.", k) from None
+                raise NotPositiveDefinite("covariance", k) from None
         raise
     w = np.linalg.solve(roots, e[:, :, None])
     return (w * w).sum(axis=(1, 2)).reshape(shape)

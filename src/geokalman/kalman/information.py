@@ -182,7 +182,7 @@ def smooth_two_filter(course: Trajectory, z, H, R) -> Smoothed:
     for k in range(N):
         status = combine_step(course.mean[k], course.cov[k], y[k], Y[k], mean[k], cov[k])
         if status != 0:
-            raise NotPositiveDefinite("filtered covariance.", k, float(course.t[k]))
+            raise NotPositiveDefinite("filtered covariance", k, float(course.t[k]))
     return Smoothed(course.t, mean, cov)
 
 
@@ -221,7 +221,7 @@ def smooth_information(t, z, H, R, transition: Transition, prior: Information | 
             status = information_state_step(y[k] + y_back[k], Y[k] + Y_back[k], correction, cov[k])
             if status != 0:
                 detail = f"the observations do not determine state {status - 1}"
-                raise NotPositiveDefinite("information matrix.", k, float(t[k]), detail)
+                raise NotPositiveDefinite("information matrix", k, float(t[k]), detail)
             mean[k] += correction
     return Smoothed(t, mean, cov)
 
@@ -242,11 +242,11 @@ def _roots(Q: np.ndarray) -> np.ndarray:
     G = np.empty_like(Q)
     for noise, root in zip(Q, G, strict=True):
         if root_semidefinite(noise, root) != 0:
-            raise NotPositiveDefinite("process noise covariance.")
+            raise NotPositiveDefinite("process noise covariance")
     return G
 
 
 def _raise(epoch: int, status: int, t: np.ndarray) -> None:
     if status != 0:
         detail = f"the pivot of observed component {status - 1} is not positive"
-        raise NotPositiveDefinite("observation noise covariance.", epoch, float(t[epoch]), detail)
+        raise NotPositiveDefinite("observation noise covariance", epoch, float(t[epoch]), detail)

@@ -152,5 +152,5 @@ def smooth(course: Trajectory, covariances: bool = True) -> Smoothed:
         epoch, status = loop(*course.manifold.kernels(mean.shape[1]), *arrays)
     if status != 0:
         detail = f"its Cholesky pivot {status - 1} is not positive"
-        raise NotPositiveDefinite("predicted covariance.", epoch, float(course.t[epoch]), detail)
+        raise NotPositiveDefinite("predicted covariance", epoch, float(course.t[epoch]), detail)
     return Smoothed(course.t, mean, cov if covariances else None)

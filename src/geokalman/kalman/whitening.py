@@ -70,5 +70,5 @@ def whiten_columns(P0, t, H, R, transition: Transition, columns) -> np.ndarray:
     out = np.empty_like(A)
     epoch = whitening_loop(P, np.ascontiguousarray(H), np.ascontiguousarray(R), Phi, Q, step, A, out)
     if epoch >= 0:
-        raise NotPositiveDefinite("innovation covariance.", epoch, float(t[epoch]))
+        raise NotPositiveDefinite("innovation covariance", epoch, float(t[epoch]))
     return out
