@@ -4,20 +4,23 @@ It knows no physics, and imports numpy, scipy and numba only.
 
 model        Model, Sensor, Manifold: motion and instruments as matrices or functions, of Python or compiled
 run          run: all epochs by `loop`, the one filter loop: linear, extended, unscented, on manifolds
-smoothing    smooth (Rauch-Tung-Striebel)             information           smooth_two_filter, smooth_information
-adaptive     Adaptive: hooks that judge a prediction  robust       IGG-III, Huber, gate, equivalent weights
+smoothing    smooth (Rauch-Tung-Striebel)
+information  smooth_two_filter, smooth_information
+adaptive     Adaptive: hooks that judge a prediction
+robust       IGG-III, Huber, gate, equivalent weights
 consistency  nees, nis, whiteness, chi_square_bounds, monte_carlo
 gaussian     Gaussian, Information, Innovation, Trajectory, Smoothed, Stopped
-linear, extended, unscented                           predict, update: one step by hand
+linear       predict, update: one step by hand; so do extended and unscented
 discretise   van Loan; kinematic and Gauss-Markov models
-dense, checks   small matrix kernels; checks at the border
+dense        small matrix kernels
+checks       checks at the border
 
 Functions named ``*_step`` and ``*_loop`` are compiled kernels on plain float64 arrays, callable from Python and by name
 from a compiled loop; they trust their arguments and return a status (0, or 1 + the row that failed). Everything else
 checks its arguments and raises ValueError, or its kind NotPositiveDefinite with the epoch. A masked observation is a
 missing one; a mask elsewhere, units, dates, text and complex numbers are refused (`checks.plain`).
 
-An extended filter, its smoother and the check whether both are honest: a body falls through air, and a radar 500 m
+An extended filter, its smoother and the check whether their covariances agree with the errors: a body falls through air, and a radar 500 m
 aside measures its distance ten times a second.
 
 >>> import numpy as np
