@@ -20,8 +20,8 @@ from a compiled loop; they trust their arguments and return a status (0, or 1 + 
 checks its arguments and raises ValueError, or its kind NotPositiveDefinite with the epoch. A masked observation is a
 missing one; a mask elsewhere, units, dates, text and complex numbers are refused (`checks.plain`).
 
-An extended filter, its smoother and the check whether their covariances agree with the errors: a body falls through air, and a radar 500 m
-aside measures its distance ten times a second.
+An extended filter, its smoother and the check whether their covariances agree with the errors: a body falls through
+air, and a radar 500 m aside measures its distance ten times a second.
 
 >>> import numpy as np
 >>> from geokalman.kalman import Model, Sensor, chi_square_bounds, gaussian, nees, nis, run, smooth, whiteness
