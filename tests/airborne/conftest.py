@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from surveyfiles import HEADER
 
 from geokalman.airborne import read
 from geokalman.airborne.read import tables
@@ -29,27 +30,6 @@ def table(whole):
 @pytest.fixture(scope="session")
 def six(kauring):
     return kauring.select([104000, 104100, 104200, 104300, 104400, 104500])
-
-
-HEADER = [
-    "LINE",
-    "FLIGHT",
-    "UTC",
-    "LON",
-    "LAT",
-    "EASTING",
-    "NORTHING",
-    "GPSZ",
-    "FZ",
-    "AZ",
-    "GRVRAW",
-    "LATCOR",
-    "EOTCOR",
-    "FACOR",
-    "FRA100",
-    "FRAL100",
-    "GND_FA",
-]
 
 
 @pytest.fixture(scope="session")

@@ -11,6 +11,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from surveyfiles import HEADER
 
 from execbook import claims, reference
 from execbook.project import root as project_root
@@ -24,25 +25,6 @@ ROOT = project_root(Path(__file__).parent)
 QUICK = tuple(sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")))
 ANCHORED = tuple(name for name in QUICK if name not in ("11-throughput", "12-joint", "13-search"))
 DRAWINGS = ("a01-system", "a01-chain")
-HEADER = [
-    "LINE",
-    "FLIGHT",
-    "UTC",
-    "LON",
-    "LAT",
-    "EASTING",
-    "NORTHING",
-    "GPSZ",
-    "FZ",
-    "AZ",
-    "GRVRAW",
-    "LATCOR",
-    "EOTCOR",
-    "FACOR",
-    "FRA100",
-    "FRAL100",
-    "GND_FA",
-]
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands of epochs take hours in plain Python")
 
 
