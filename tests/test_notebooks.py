@@ -32,7 +32,7 @@ def long_lines(text: str) -> list[str]:
 
 
 def name_faults(sources: dict[str, str], folder: Path) -> str:
-    """What ruff says of the names in the cells; a parameter that is assigned again by a run is no fault."""
+    """What ruff says of the names in the cells, nothing where all are defined and used."""
     for name, text in sources.items():
         code = "\n\n".join(source for _, source in cells(text))
         (folder / f"{name}.py").write_text(code, encoding="utf-8")

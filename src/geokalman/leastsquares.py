@@ -54,8 +54,6 @@ class NormalEquations:
     squares : (q,) float64, y^T W y
     observations : number of rows of non-zero weight so far
 
-    Examples
-    --------
     >>> normals = NormalEquations(2)
     >>> normals.add([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]], [1.0, 3.0, 5.0])  # a line
     >>> normals.factor().estimate[:, 0].round(12).tolist()
@@ -291,10 +289,7 @@ class Solution:
         return np.square(self.scale) * np.array([inverse[k:, k] @ inverse[k:, k] for k in range(self.unknowns)])
 
     def condition(self) -> float:
-        """Compute the condition of the scaled matrix.
-
-        It is the ratio of the extreme eigenvalues (Lanczos, relative accuracy 1e-6).
-        """
+        """Compute the ratio of the extreme eigenvalues of the scaled matrix (Lanczos, 1e-6)."""
         n = self.unknowns
         if n <= _DENSE:
             full = np.triu(self.factor, 1)
@@ -337,8 +332,6 @@ def sum_normals(
     ValueError
         Where there is no arc; and whatever `build` raises.
 
-    Examples
-    --------
     >>> def build(value):
     ...     arc = NormalEquations(1)
     ...     arc.add([[1.0]], [value])

@@ -4,7 +4,6 @@ import json
 import os
 import re
 import resource
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,7 +15,7 @@ import nbformat
 import numpy as np
 import pytest
 
-from execbook import atomic, blocks, execute, notebooks, progress
+from execbook import atomic, execute, notebooks, progress
 from execbook.errors import Fault, Misuse
 
 
@@ -281,22 +280,6 @@ def test_a_kernel_is_talked_to_over_sockets_that_are_ours_alone(toy):
     assert [told[key]["value"] for key in ("mode", "ours", "files")] == [0o700, True, True]
 
 
-def without_network() -> list[str]:
-    """Words before a command that take the network from it, the loopback interface too; none where not permitted."""
-    for words in (["unshare", "-n"], ["unshare", "-rn"]):
-        if shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0:
-            return words
-    return []
-
-
-@pytest.mark.skipif(not without_network(), reason="a process of its own network is not permitted here")
-def test_without_any_network_a_notebook_runs(toy):
-    command = [*without_network(), sys.executable, "-m", "geokalman.cli", "run", "toy/02-constant"]
-    done = subprocess.run(command, cwd=toy, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stderr
-    assert (toy / "runs" / "toy" / "02-constant" / "paper" / "page.html").is_file()
-
-
 def test_a_long_loop_tells_its_share_while_it_runs(toy):
     edit_constant(toy, "import time, pathlib\nfrom geokalman import progress\nnb.expect(600.0)\n"
                        "for k in progress.track(range(4), 'orbits'):\n"
@@ -412,16 +395,3 @@ def test_prose_of_a_page(toy):
     plain = " ".join(re.sub(r"<[^>]+>", "", found[found.index("<body>") :]).split())
     assert "See Eq. 1, [Kalman, 1960], Kalman [1960], there, A straight line, A constant, a." in plain
     assert ":::" not in plain and "R. E. Kalman" in plain and not brought_from_elsewhere(found)
-
-
-def test_a_runs_own_numbers_stand_in_its_prose(tmp_path):
-    def filled(lenient: bool) -> str:
-        text = "It is [[p/01-a:error.rms]]; [[p/01-a:none]], [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
-        return blocks.fill_own(text, tmp_path, "p/01-a", metrics, lenient).replace("\xa0", " ")
-
-    metrics = {"error.rms": {"value": 1.2345e-6, "unit": "rad"}, "none": {"value": None, "unit": ""}}
-    book = tmp_path / "book" / "_build" / "metrics" / "p" / "02-b.json"
-    book.parent.mkdir(parents=True)
-    book.write_text(json.dumps({"other": {"value": 2.0, "unit": "m"}}))
-    assert filled(lenient=False) == "It is 1.23 × 10⁻⁶ rad; –, [[p/01-a:missing]], [[p/02-b:other]], [[p/02-b:gone]]."
-    assert filled(lenient=True) == "It is 1.23 × 10⁻⁶ rad; –, –, 2.00 m, –."

@@ -67,3 +67,19 @@ def test_no_folder_for_temporary_files(home, monkeypatch):
     with pytest.raises(Fault, match="a file stands where a folder is needed; let TMPDIR name a folder"):
         with sockets.folder():
             pass
+
+
+def without_network() -> list[str]:
+    """Words before a command that take the network from it, the loopback interface too; none where not permitted."""
+    for words in (["unshare", "-n"], ["unshare", "-rn"]):
+        if shutil.which("unshare") and subprocess.run([*words, "true"], capture_output=True).returncode == 0:
+            return words
+    return []
+
+
+@pytest.mark.skipif(not without_network(), reason="a process of its own network is not permitted here")
+def test_without_any_network_a_notebook_runs(toy):
+    command = [*without_network(), sys.executable, "-m", "geokalman.cli", "run", "toy/02-constant"]
+    done = subprocess.run(command, cwd=toy, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert (toy / "runs" / "toy" / "02-constant" / "paper" / "page.html").is_file()

@@ -10,29 +10,10 @@ import pytest
 from scipy import sparse
 
 from geokalman.kalman import (
-    Adaptive,
-    Gaussian,
-    Information,
-    Innovation,
-    Manifold,
-    Model,
-    Sensor,
-    chi_square_bounds,
-    extended,
-    gauss_markov,
-    gaussian,
-    integrated_white_noise,
-    linear,
-    nees,
-    nis,
-    run,
-    smooth,
-    smooth_information,
-    smooth_two_filter,
-    unscented,
-    van_loan,
-    whiteness,
-)
+    Adaptive, Gaussian, Information, Innovation, Manifold, Model, Sensor, chi_square_bounds, extended, gauss_markov,
+    gaussian, integrated_white_noise, linear, nees, nis, run, smooth, smooth_information, smooth_two_filter,
+    unscented, van_loan, whiteness,
+)  # fmt: skip
 from geokalman.kalman.checks import plain, scalar
 from geokalman.kalman.robust import gate, redundancy_numbers
 from geokalman.kalman.whitening import whiten_columns
