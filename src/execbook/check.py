@@ -87,9 +87,11 @@ def _check_claims(root: Path, paper: str, report: Report) -> None:
     report.near += sum(j.is_near for j in judgements)
     for j in judgements:
         if not j.as_expected:
-            now = f"{j.verdict or 'not computed'} ({j.why}; ours {j.ours})"
+            held = {True: "holds", False: "does not hold", None: "not computed"}
+            now = j.verdict or held[j.holds]
+            wanted = j.claim.verdict or held[j.claim.holds]
             where = f"book/{paper}/claims.yml, claim {j.claim.id}"
-            report.problems.append(f"{where}: {now}, expected {j.claim.verdict}.")
+            report.problems.append(f"{where}: {now} ({j.why}; ours {j.ours}), expected {wanted}.")
 
 
 def _check_readme(root: Path, report: Report) -> None:

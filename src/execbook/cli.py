@@ -126,7 +126,7 @@ def claims(
         for judgement in judgements:
             if judgement.is_near or not near:
                 _print_claim(judgement)
-    verdicts = [j.verdict for judgements in judged.values() for j in judgements if j.claim.metrics]
+    verdicts = [j.holds for judgements in judged.values() for j in judgements if j.claim.metrics]
     if missing := verdicts.count(None):
         what = "Nothing has been" if missing == len(verdicts) else f"{missing} of {len(verdicts)} claims are not"
         sys.stderr.write(f"{what} computed yet; make book computes what is missing.\n")
@@ -136,7 +136,9 @@ def _print_claim(judgement) -> None:
     from execbook import verdicts
 
     says, printed, ours, verdict, why = verdicts.row(judgement)
-    expected = "" if judgement.as_expected else f" (expected {judgement.claim.verdict})"
+    claim = judgement.claim
+    wanted = claim.verdict or ("holds" if claim.holds else "does not hold")
+    expected = "" if judgement.as_expected else f" (expected {wanted.replace('-', ' ')})"
     print(f"{judgement.claim.id}: {verdict}{expected}")
     distance = f"{100 * judgement.margin:.2g} % from its threshold" if judgement.is_near else ""
     numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FIGURE_TYPE = "application/vnd.execbook.figure+json"
 TABLE_TYPE = "application/vnd.execbook.table+json"
-_NBSP = "\u00a0"  # between a number, its power of ten and its unit, so that no line break tears them
+NBSP = "\u00a0"  # between a number, its power of ten and its unit, so that no line break tears them
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -38,7 +38,7 @@ def number(value: float, digits: int = 4) -> str:
 
 def quantity(value: float, unit: str = "", digits: int = 4) -> str:
     """Give a number with its unit for readers, as in `1.234 × 10⁻⁷ m/s²`."""
-    return number(value, digits) + (_NBSP + unit_text(unit) if unit else "")
+    return number(value, digits) + (NBSP + unit_text(unit) if unit else "")
 
 
 def unit_text(unit: str) -> str:
@@ -48,7 +48,7 @@ def unit_text(unit: str) -> str:
 
 
 def _power(exponent: int) -> str:
-    return f"{_NBSP}×{_NBSP}10{str(exponent).translate(_SUPERSCRIPT)}"
+    return f"{NBSP}×{NBSP}10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
 def cell(value: Any, form: str | None = None) -> str:

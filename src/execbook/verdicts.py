@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, get_args
 
 from execbook import contents, display
-from execbook.claims import Judgement, Metrics, Verdict, decided_by, judge, judge_paper, papers
+from execbook.claims import Judgement, Metrics, decided_by, judge, judge_paper
 from execbook.errors import Fault, Misuse
+from execbook.ledger import Claim, Verdict, papers
 
 HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 _BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
@@ -27,9 +28,25 @@ def row(judgement: Judgement, judged: bool = True) -> list[str]:
     prints = [] if claim.printed is None else [shown(claim.printed)]
     reads = [] if claim.reads is None else [f"read as {shown(claim.reads)}"]
     why = "; ".join(filter(None, (claim.because if reads else None, judgement.why)))
-    verdict = judgement.verdict or "not computed"
+    verdict = _outcome(judgement)
     cells = [f"{claim.where}: {claim.says}", "; ".join(prints + reads), "" if ours is None else shown(ours, 4)]
     return [*cells, *([verdict, why] if judged else ["", ""])]
+
+
+def _outcome(judgement: Judgement) -> str:
+    """Give the verdict in words, with the share of the readings; of a control, whether it holds."""
+    claim, share = judgement.claim, judgement.share
+    if claim.kind == "erratum":
+        return "erratum"
+    if claim.kind == "control":
+        return {True: "holds", False: "does not hold", None: "not computed"}[judgement.holds]
+    words = (judgement.verdict or "not computed").replace("-", " ")
+    return f"{words} ({display.number(round(100 * share.part))}{display.NBSP}%)" if share else words
+
+
+def link(root: Path, claim: Claim) -> str:
+    """Give the address of what shows a claim, below the book's folder: a figure or table, else its notebook."""
+    return claim.evidence[0] if claim.evidence else ""
 
 
 def _digits(value: float) -> int:
@@ -52,7 +69,7 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
     verdicts = get_args(Verdict)
     rows = []
     for paper in papers(root):
-        counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper))
+        counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper) if j.claim.kind == "claim")
         link = f"[{contents.title(root, f'{paper}/index')}]({prefix}{paper}/index.md)"
         rows.append([link, counts.total(), *(counts[v] for v in verdicts), counts["not computed"] or ""])
     header = ["Paper", "Claims", *(v.replace("-", " ") for v in verdicts), "not computed"]
@@ -64,9 +81,11 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
     """Give the ledger of a paper with our numbers and verdicts beside the `expected` ones."""
     found = []
-    for claim, ours, verdict, why, margin in judge_paper(root, paper):
-        entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict"})
-        judged = {"expected": claim.verdict, "verdict": verdict, "why": why, "margin": margin}
+    for claim, ours, holds, verdict, why, margin, share in judge_paper(root, paper):
+        entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict", "holds"})
+        expected = claim.holds if claim.kind == "control" else claim.verdict
+        judged = {"expected": expected, "holds": holds, "verdict": verdict, "why": why, "margin": margin}
+        judged |= {"share": share and share.part, "decided_by": share and share.decided_by, "link": link(root, claim)}
         found.append({"paper": paper, **entry, "ours": ours, **judged})
     return found
 
@@ -92,4 +111,6 @@ def readme_agrees(root: Path) -> bool:
 
 
 def _not_computed(root: Path) -> int:
-    return sum(j.verdict is None for paper in papers(root) for j in judge_paper(root, paper))
+    return sum(
+        j.verdict is None for paper in papers(root) for j in judge_paper(root, paper) if j.claim.kind == "claim"
+    )
