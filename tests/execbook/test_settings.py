@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -19,7 +20,9 @@ x86 = pytest.mark.skipif(len(settings.names()) == 1, reason="other settings are 
 
 
 def told(setting: str, **environment: str):
-    env = os.environ | settings.environment(setting) | {"OPENBLAS_NUM_THREADS": "1"} | environment
+    acting = set(settings.environment(settings.names()[-1]))  # the suite itself may run in a setting
+    here = {name: value for name, value in os.environ.items() if name not in acting}
+    env = here | settings.environment(setting) | {"OPENBLAS_NUM_THREADS": "1"} | environment
     done = subprocess.run([sys.executable, "-c", TELL], env=env, capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
 
@@ -31,7 +34,8 @@ def test_a_setting_acts_and_is_told():
     assert plain[0]["numba"] == plain[1][0] == "generic" and plain[1][1] == ""
     assert plain[0]["numpy"].startswith("baseline") and native[0]["numpy"] != plain[0]["numpy"]
     assert native[0]["numba"] == native[1][0] and native[0]["blas"] != plain[0]["blas"]
-    assert native[2] != plain[2], "the exponential function of NumPy rounds as on the other processor"
+    if {"512", "V4"} & set(re.findall("512|V4", native[0]["numpy"])):  # other extensions round as the baseline does
+        assert native[2] != plain[2], "the exponential function of NumPy rounds as on the other processor"
 
 
 def test_threads_are_told():
