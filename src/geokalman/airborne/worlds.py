@@ -1,0 +1,158 @@
+"""One simulated survey under one set of readings of the paper, as `book/airborne-gravity/readings.yml` declares them.
+
+A world runs at a reduced scale: one survey of six lines, integrated at `RATE` instead of 100 Hz.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from geokalman.airborne import assess, backward, classical, simulate
+from geokalman.airborne.estimate import States, run_filter
+from geokalman.airborne.model import Array, Line, Tuning, build
+from geokalman.airborne.simulate import Scenario, Truth
+from geokalman.kalman.smoothing import smooth
+
+RATE = 20.0
+"""Rate of the simulated gravimeter in a world [Hz]."""
+COMMON = {
+    "reference": {"reference": 0.79, "drift": 0.4, "drift_s": 1500.0},
+    "shared": {"reference": 0.6, "drift": 0.8, "drift_s": 900.0},
+    "gravimeter": {"reference": 0.2, "drift": 0.98, "drift_s": 900.0},
+}
+"""Who carries the common error: settings of a Scenario that meet the printed mean of SAGFB."""
+UP_VELOCITY = 1e-3
+"""White error [m/s] of the vertical GNSS velocity where its integral is the height."""
+WANDER_S = 1500.0
+"""Time [s] in which the error states wander by their prior standard deviations, where they do."""
+
+
+class Curves(NamedTuple):
+    """Gravity along one line by the estimators of a world (n,) [mGal], and what to judge it by."""
+
+    truth: Truth
+    line: Line
+    forward: Array
+    fb: Array
+    order1: Array
+
+
+def settings(world: Mapping[str, str | float]) -> tuple[Scenario, Tuning]:
+    """What is flown in a world, and the filter's tuning. Raises KeyError for an option that is not known."""
+    markov = {"field": False, "gauss-markov": True}[world["gravity"]]
+    scenario = Scenario(
+        imu_rate=RATE, length_km=float(world["line-length"]), source_km=float(world["depth"]),
+        sigma_mgal=float(world["signal"]), truth="gm3" if markov else "field", **({"L_km": float(world["filter-length"])} if markov else {}),
+        lead_s={"flown": 150.0, "cut": 0.0}[world["lead-in"]],
+        gnss_up={"height": 0.0, "velocity": UP_VELOCITY}[world["height"]], **COMMON[world["common-error"]],
+    )  # fmt: skip
+    tuning = Tuning(
+        L_km=float(world["filter-length"]), sigma_mgal=float(world["signal"]), q_f=float(world["filter-noise"]),
+        R_m=float(world["filter-height"]) / 100.0,
+        wander_s={"constant": 0.0, "wandering": WANDER_S}[world["error-states"]],
+    )  # fmt: skip
+    return scenario, tuning
+
+
+def metrics(world: Mapping[str, str | float]) -> dict[str, float]:
+    """Numbers of the pages 02, 04, 05 and 07 in one world: "airborne-gravity/<notebook>:<key>" -> number.
+
+    world : an option or a number for every choice; `world`, its place, is the seed (0 where it is not given).
+    Where a page gives a mean over surveys, this is the number of one survey. Raises KeyError for a choice or an option
+    that is missing or not known.
+    """
+    scenario, tuning = settings(world)
+    literal = {"inverse": False, "correction": False, "literal": True}[world["backward-start"]]
+    flown = simulate.survey_of_seed(scenario, int(world.get("world", 0)))
+    lines = [_curves(truth, line, tuning, literal) for truth, line in flown]
+    return (
+        _sizes(lines[0])
+        | _table_one(lines, str(world["mean-square"]))
+        | _start(lines[0])
+        | _low_pass(lines, scenario, tuning, str(world["low-pass"]))
+    )
+
+
+def _curves(truth: Truth, line: Line, tuning: Tuning, literal: bool) -> Curves:
+    found = {}
+    for order in (3, 1):
+        model = build(line, replace(tuning, order=order))
+        course = run_filter(line, model)
+        k = model.names.index("dg")
+        if literal:
+            found[order] = backward.ended_in_zero(model, course).gravity
+        else:  # no information, or no correction to the last state: RTS has the mean of both
+            found[order] = model.scale[k] * smooth(course, covariances=False).mean[:, k]
+        if order == 3:
+            forward = States(model.names, model.scale, course.t, course.mean, course.cov).gravity
+    return Curves(truth, line, forward, found[3], found[1])
+
+
+def _sizes(first: Curves) -> dict[str, float]:
+    p = first.truth.proper
+    page = "airborne-gravity/02-survey"
+    return {
+        f"{page}:apparent.sd": float(classical.apparent_gravity(first.line)[p].std()),
+        f"{page}:gravity.sd": float(first.truth.gravity[p].std()),
+    }
+
+
+def _table_one(lines: Sequence[Curves], mean_square: str) -> dict[str, float]:
+    what = {"raw": "D_raw", "centred": "D_centred"}[mean_square]
+
+    def differences(name: str) -> Array:
+        return np.array(
+            [
+                getattr(assess.statistics((one.truth.reference - getattr(one, name))[one.truth.proper]), what)
+                for one in lines
+            ]
+        )
+
+    def errors(name: str) -> list[Array]:
+        return [(getattr(one, name) - one.truth.gravity)[one.truth.proper] for one in lines]
+
+    fb, forward = differences("fb"), differences("forward")
+    table = {"fb.D_raw": fb.mean(), "forward.D_raw": forward.mean(), "model.order1.D_raw": differences("order1").mean()}
+    table |= {"every.fb_below_1": (fb < 1).all(), "every.forward_above_1": (forward > 1).all()}
+    for name in ("fb", "forward"):
+        table[f"{name}.truth"] = np.mean([error.std() for error in errors(name)])
+        pairs = [(getattr(one, name)[one.truth.proper], one.truth.reference[one.truth.proper]) for one in lines]
+        table[f"correlation.{name}"] = np.mean([np.corrcoef(*pair)[0, 1] for pair in pairs])
+    reference = [(one.truth.reference - one.truth.gravity)[one.truth.proper] for one in lines]
+    for name, series in (("sag", errors("fb")), ("reference", reference)):
+        table[f"error.{name}"] = np.mean([np.sqrt(np.mean(error**2)) for error in series])
+    return {f"airborne-gravity/04-six-lines:{key}": float(value) for key, value in table.items()}
+
+
+def _start(first: Curves) -> dict[str, float]:
+    p, page = first.truth.proper, "airborne-gravity/05-backward-start"
+    return {
+        f"{page}:reading.error": float((first.fb - first.truth.gravity)[p].std()),
+        f"{page}:forward.filter_error": float((first.forward - first.truth.gravity)[p].std()),
+    }
+
+
+def _low_pass(lines: Sequence[Curves], scenario: Scenario, tuning: Tuning, name: str) -> dict[str, float]:
+    family, _, cutoff = name.partition("-")
+    seconds, page = float(cutoff), "airborne-gravity/07-model-free:paper_like"
+    along, variance = simulate.along_track(scenario)
+    gains = {
+        "fir": lambda: classical.fir_gain(seconds, lines[0].line.dt, scenario.V / along),
+        "butterworth": lambda: classical.butterworth_gain(seconds, scenario.V / along),
+    }
+    filtered = {
+        "fir": lambda line: classical.fir(line, seconds, cut_ends=True),
+        "butterworth": lambda line: classical.butterworth(line, seconds, cut_ends=True),
+    }
+    error = [(filtered[family](one.line) - one.truth.gravity)[one.truth.proper].std() for one in lines]
+    own = classical.smoother_gain(tuning, scenario.V, lines[0].line.dt, along)
+    return {
+        f"{page}.fb.truth": float(np.mean([(one.fb - one.truth.gravity)[one.truth.proper].std() for one in lines])),
+        f"{page}.lowpass.truth": float(np.mean(error)),
+        f"{page}.signal_lost.fb": classical.signal_lost(own, variance),
+        f"{page}.signal_lost.lowpass": classical.signal_lost(gains[family](), variance),
+    }
