@@ -44,11 +44,11 @@ class Curves(NamedTuple):
 def settings(world: Mapping[str, str | float]) -> tuple[Scenario, Tuning]:
     """What is flown in a world, and the filter's tuning. Raises KeyError for an option that is not known."""
     markov = {"field": False, "gauss-markov": True}[world["gravity"]]
+    field = {"truth": "gm3", "L_km": float(world["filter-length"])} if markov else {}
     scenario = Scenario(
         imu_rate=RATE, length_km=float(world["line-length"]), source_km=float(world["depth"]),
-        sigma_mgal=float(world["signal"]), truth="gm3" if markov else "field", **({"L_km": float(world["filter-length"])} if markov else {}),
-        lead_s={"flown": 150.0, "cut": 0.0}[world["lead-in"]],
-        gnss_up={"height": 0.0, "velocity": UP_VELOCITY}[world["height"]], **COMMON[world["common-error"]],
+        sigma_mgal=float(world["signal"]), lead_s={"flown": 150.0, "cut": 0.0}[world["lead-in"]],
+        gnss_up={"height": 0.0, "velocity": UP_VELOCITY}[world["height"]], **COMMON[world["common-error"]], **field,
     )  # fmt: skip
     tuning = Tuning(
         L_km=float(world["filter-length"]), sigma_mgal=float(world["signal"]), q_f=float(world["filter-noise"]),
