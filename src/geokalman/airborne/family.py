@@ -76,18 +76,18 @@ def _forms(scenario: Scenario, tuning: Tuning, seeds: Sequence[int]) -> tuple[di
     pairs = [pair for runs in zip(quiet, unit, strict=True) for pair in zip(*runs, strict=True)]
     table, truth = {"fb": [], "forward": []}, {"fb": [], "forward": []}
     sag, gt = [], []
-    for still, one in pairs:
+    for still, drifting in pairs:
         p = still.proper
-        noise = (one.reference - still.reference)[p]
+        noise = (drifting.reference - still.reference)[p]
         smooth = (still.reference - still.gravity)[p]
         for name in ("fb", "forward"):
-            error, by_drift = (still.curves[name] - still.gravity)[p], (one.curves[name] - still.curves[name])[p]
+            error, by_drift = (still.curves[name] - still.gravity)[p], (drifting.curves[name] - still.curves[name])[p]
             table[name].append(_form(smooth - error, noise, -by_drift))
             truth[name].append(_form(*(x - x.mean() for x in (error, 0.0 * noise, by_drift))))
             if name == "fb":
                 sag.append(_form(error, 0.0 * noise, by_drift))
         gt.append(_form(smooth, noise, 0.0 * noise))
-    stacked = [{name: np.array(forms) for name, forms in found.items()} for found in (table, truth)]
+    stacked = [{name: np.array(forms) for name, forms in kind.items()} for kind in (table, truth)]
     return stacked[0], np.array(sag), np.array(gt), stacked[1]
 
 

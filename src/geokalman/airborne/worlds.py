@@ -40,6 +40,14 @@ class Curves(NamedTuple):
     fb: Array
     order1: Array
 
+    def proper(self, name: str) -> Array:
+        """A curve, or the `reference`, on the line proper."""
+        return (self.truth.reference if name == "reference" else getattr(self, name))[self.truth.proper]
+
+    def error(self, name: str) -> Array:
+        """Error of a curve, or of the `reference`, on the line proper."""
+        return self.proper(name) - self.truth.gravity[self.truth.proper]
+
 
 def settings(world: Mapping[str, str | float]) -> tuple[Scenario, Tuning]:
     """What is flown in a world, and the filter's tuning. Raises KeyError for an option that is not known."""
@@ -78,18 +86,18 @@ def metrics(world: Mapping[str, str | float]) -> dict[str, float]:
 
 
 def _curves(truth: Truth, line: Line, tuning: Tuning, literal: bool) -> Curves:
-    found = {}
+    smoothed = {}
     for order in (3, 1):
         model = build(line, replace(tuning, order=order))
         course = run_filter(line, model)
         k = model.names.index("dg")
         if literal:
-            found[order] = backward.ended_in_zero(model, course).gravity
+            smoothed[order] = backward.ended_in_zero(model, course).gravity
         else:  # no information, or no correction to the last state: RTS has the mean of both
-            found[order] = model.scale[k] * smooth(course, covariances=False).mean[:, k]
+            smoothed[order] = model.scale[k] * smooth(course, covariances=False).mean[:, k]
         if order == 3:
             forward = States(model.names, model.scale, course.t, course.mean, course.cov).gravity
-    return Curves(truth, line, forward, found[3], found[1])
+    return Curves(truth, line, forward, smoothed[3], smoothed[1])
 
 
 def _sizes(first: Curves) -> dict[str, float]:
@@ -103,36 +111,27 @@ def _sizes(first: Curves) -> dict[str, float]:
 
 def _table_one(lines: Sequence[Curves], mean_square: str) -> dict[str, float]:
     what = {"raw": "D_raw", "centred": "D_centred"}[mean_square]
-
-    def differences(name: str) -> Array:
-        return np.array(
-            [
-                getattr(assess.statistics((one.truth.reference - getattr(one, name))[one.truth.proper]), what)
-                for one in lines
-            ]
-        )
-
-    def errors(name: str) -> list[Array]:
-        return [(getattr(one, name) - one.truth.gravity)[one.truth.proper] for one in lines]
-
-    fb, forward = differences("fb"), differences("forward")
-    table = {"fb.D_raw": fb.mean(), "forward.D_raw": forward.mean(), "model.order1.D_raw": differences("order1").mean()}
-    table |= {"every.fb_below_1": (fb < 1).all(), "every.forward_above_1": (forward > 1).all()}
+    D = {
+        name: np.array([getattr(assess.statistics(c.proper("reference") - c.proper(name)), what) for c in lines])
+        for name in ("fb", "forward", "order1")
+    }
+    table = {"fb.D_raw": D["fb"].mean(), "forward.D_raw": D["forward"].mean(), "model.order1.D_raw": D["order1"].mean()}
+    table |= {"every.fb_below_1": (D["fb"] < 1).all(), "every.forward_above_1": (D["forward"] > 1).all()}
     for name in ("fb", "forward"):
-        table[f"{name}.truth"] = np.mean([error.std() for error in errors(name)])
-        pairs = [(getattr(one, name)[one.truth.proper], one.truth.reference[one.truth.proper]) for one in lines]
-        table[f"correlation.{name}"] = np.mean([np.corrcoef(*pair)[0, 1] for pair in pairs])
-    reference = [(one.truth.reference - one.truth.gravity)[one.truth.proper] for one in lines]
-    for name, series in (("sag", errors("fb")), ("reference", reference)):
-        table[f"error.{name}"] = np.mean([np.sqrt(np.mean(error**2)) for error in series])
+        table[f"{name}.truth"] = np.mean([c.error(name).std() for c in lines])
+        table[f"correlation.{name}"] = np.mean(
+            [np.corrcoef(c.proper(name), c.proper("reference"))[0, 1] for c in lines]
+        )
+    for name, curve in (("sag", "fb"), ("reference", "reference")):
+        table[f"error.{name}"] = np.mean([np.sqrt(np.mean(c.error(curve) ** 2)) for c in lines])
     return {f"airborne-gravity/04-six-lines:{key}": float(value) for key, value in table.items()}
 
 
 def _start(first: Curves) -> dict[str, float]:
-    p, page = first.truth.proper, "airborne-gravity/05-backward-start"
+    page = "airborne-gravity/05-backward-start"
     return {
-        f"{page}:reading.error": float((first.fb - first.truth.gravity)[p].std()),
-        f"{page}:forward.filter_error": float((first.forward - first.truth.gravity)[p].std()),
+        f"{page}:reading.error": float(first.error("fb").std()),
+        f"{page}:forward.filter_error": float(first.error("forward").std()),
     }
 
 
@@ -140,19 +139,16 @@ def _low_pass(lines: Sequence[Curves], scenario: Scenario, tuning: Tuning, name:
     family, _, cutoff = name.partition("-")
     seconds, page = float(cutoff), "airborne-gravity/07-model-free:paper_like"
     along, variance = simulate.along_track(scenario)
-    gains = {
-        "fir": lambda: classical.fir_gain(seconds, lines[0].line.dt, scenario.V / along),
-        "butterworth": lambda: classical.butterworth_gain(seconds, scenario.V / along),
+    low_pass = {
+        "fir": (classical.fir, classical.fir_gain(seconds, lines[0].line.dt, scenario.V / along)),
+        "butterworth": (classical.butterworth, classical.butterworth_gain(seconds, scenario.V / along)),
     }
-    filtered = {
-        "fir": lambda line: classical.fir(line, seconds, cut_ends=True),
-        "butterworth": lambda line: classical.butterworth(line, seconds, cut_ends=True),
-    }
-    error = [(filtered[family](one.line) - one.truth.gravity)[one.truth.proper].std() for one in lines]
+    filtered, gain = low_pass[family]
+    error = [(filtered(c.line, seconds, cut_ends=True) - c.truth.gravity)[c.truth.proper].std() for c in lines]
     own = classical.smoother_gain(tuning, scenario.V, lines[0].line.dt, along)
     return {
-        f"{page}.fb.truth": float(np.mean([(one.fb - one.truth.gravity)[one.truth.proper].std() for one in lines])),
+        f"{page}.fb.truth": float(np.mean([c.error("fb").std() for c in lines])),
         f"{page}.lowpass.truth": float(np.mean(error)),
         f"{page}.signal_lost.fb": classical.signal_lost(own, variance),
-        f"{page}.signal_lost.lowpass": classical.signal_lost(gains[family](), variance),
+        f"{page}.signal_lost.lowpass": classical.signal_lost(gain, variance),
     }
