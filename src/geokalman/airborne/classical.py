@@ -50,11 +50,11 @@ def butterworth(line: Line, cutoff_s: float, order: int = 3, cut_ends: bool = Fa
 
     cut_ends : filter the second difference itself, evenly extended over two cutoffs, as `fir` does.
     """
-    low, x = signal.butter(order, 1.0 / cutoff_s, fs=1.0 / line.dt), apparent_gravity(line)
+    (b, a), x = signal.butter(order, 1.0 / cutoff_s, fs=1.0 / line.dt), apparent_gravity(line)
     if not cut_ends:
-        return signal.filtfilt(*low, x)
+        return signal.filtfilt(b, a, x)
     reach = min(len(x) - 3, round(2 * cutoff_s / line.dt))
-    inner = signal.filtfilt(*low, x[1:-1], padtype="even", padlen=reach)
+    inner = signal.filtfilt(b, a, x[1:-1], padtype="even", padlen=reach)
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
