@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from surveyfiles import HEADER
 
-from execbook import claims, reference
+from execbook import ledger, reference
 from execbook.project import root as project_root
-from geokalman.airborne import corrections, experiment, read
-from geokalman.airborne.model import Tuning
+from geokalman.airborne import backward, corrections, experiment, read, simulate
+from geokalman.airborne.estimate import run_filter
+from geokalman.airborne.model import Tuning, build
 from geokalman.airborne.read import checks, tables
 from geokalman.data import data_path
 
@@ -113,15 +114,35 @@ def test_the_likelihood_finds_looser_tilts_on_a_few_lines_already(run):
 
 
 def test_errata_that_are_about_numbers(run):
-    """k3 of 1e-6 is 0.98 mGal; the literal start ends in zero; both readings of D."""
+    """k3 of 1e-6 is 0.98 mGal; the start as the text has it ends in zero, with its inverse it does not; both D."""
     assert 1e-6 * corrections.normal_gravity(np.radians(40.0), 1500.0) == pytest.approx(0.98, abs=0.005)
     start = reference.read_run(run("05-backward-start"))[1]
     assert abs(start["literal.last_point"]["value"]) < 1e-9 and start["literal.error"]["value"] > 10
-    assert start["forward_certain.error"]["value"] < start["forward.filter_error"]["value"]
+    for key in ("reading.error", "forward_certain.error"):
+        assert start[key]["value"] < start["forward.filter_error"]["value"]
     six = reference.read_run(run("04-six-lines"))[1]
     for line in range(1, 7):
         A, raw, centred = (six[f"first.line{line}.fb.{what}"]["value"] for what in ("A", "D_raw", "D_centred"))
         assert raw**2 == pytest.approx(A**2 + centred**2, rel=1e-9)
+
+
+def test_errata_by_the_formulas_of_the_text():
+    errata = {c.id: c for c in ledger.ledger(ROOT, PAPER) if c.kind == "erratum"}
+    assert (
+        errata["erratum-backward-start"].text == "P_f(n/n-1)=0"
+        and "P_b^{-1}" in errata["erratum-backward-start"].should
+    )
+    _, line = simulate.survey_of_seed(simulate.Scenario(n_lines=1, length_km=16.0, imu_rate=10.0), 0)[0]
+    model = build(line, Tuning())
+    first = backward._start("literal", np.ones(9), np.eye(9), np.eye(9))
+    assert not first.mean.any() and not first.cov.any()  # as the text has it: state and covariance zero
+    assert len(run_filter(line, model).mean) == len(line.t)  # n forward estimates; k = n, ..., 0 would be n + 1
+    assert errata["erratum-backward-epochs"].text.endswith("0")
+    x_a, x_g = np.zeros((6, 1)), np.zeros((3, 1))
+    assert errata["erratum-state"].text.startswith("x=[x_a x_g]^T")
+    with pytest.raises(ValueError, match="must match exactly"):
+        np.hstack([x_a, x_g])  # the text puts two columns of different height side by side
+    assert np.hstack([x_a.T, x_g.T]).T.shape == (9, 1) and len(model.names) == 9
 
 
 def test_the_steady_states_are_callable(run_here, tmp_path):
@@ -140,7 +161,17 @@ def test_a_line_that_the_file_does_not_hold(run_here, tmp_path):
         run_here(PAPER, "08-kauring", tmp_path / "out", quick=False, lines=[7])
 
 
-def test_the_ledger_has_both_printed_means():
-    ledger = {j.claim.id: j.claim for j in claims.judge_paper(ROOT, PAPER)}
-    assert ledger["table1-fb-mean"].printed == 0.9073 and ledger["table1-forward-mean"].printed == 1.1273
-    assert ledger["table1-fb-mean"].calibrated and ledger["backward-start-zero"].verdict == "not-reproduced"
+def test_the_ledger_has_both_printed_means_and_keeps_ours_apart():
+    entries = {c.id: c for c in ledger.ledger(ROOT, PAPER)}
+    assert entries["table1-fb-mean"].printed == 0.9073 and entries["table1-forward-mean"].printed == 1.1273
+    assert entries["table1-fb-mean"].calibrated and entries["backward-start-literal"].holds is False
+    for name in (
+        "table1-ratio",
+        "combination-optimal",
+        "better-than-practice",
+        "lowpass-well-chosen",
+        "future-gravity-model",
+    ):
+        assert entries[name].kind == "control"
+    texts = [c.text for c in entries.values() if c.kind == "erratum"]
+    assert all(texts) and len(texts) == len(set(texts))

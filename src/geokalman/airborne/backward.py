@@ -6,15 +6,17 @@ Kept apart from `estimate`, whose information form needs none of this: here the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geokalman.airborne.estimate import States, run_filter
-from geokalman.airborne.model import Array, Line, Tuning, build
+from geokalman.airborne.model import Array, Line, ScaledModel, Tuning, build
 from geokalman.kalman.checks import NotPositiveDefinite
 from geokalman.kalman.dense import root_semidefinite
+from geokalman.kalman.gaussian import Trajectory
 from geokalman.kalman.linear import predict_step, scalar_update_step
+from geokalman.kalman.smoothing import smooth
 
 STARTS = {
     "literal": "state 0, covariance 0, as printed",
@@ -23,7 +25,7 @@ STARTS = {
     "forward-certain": "forward final estimate, covariance 0",
     "forward": "forward final estimate, forward final covariance",
 }
-"""Readings of the start x_b(n/n-1), P_b(n/n-1)."""
+"""Readings of the start x_b(n/n-1), P_b(n/n-1), in covariance form; P_b^-1 = 0 is `estimate` with "two-filter"."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,18 @@ def forward_backward(line: Line, tuning: Tuning, start: str) -> States:
             predict_step(x, P, back, back @ model.Q @ back.T, x_next, P_next)
             x[:], P[:] = x_next, P_next
     return States(model.names, model.scale, line.t, mean, cov)
+
+
+def ended_in_zero(model: ScaledModel, course: Trajectory) -> States:
+    """The literal start without a backward filter: its certainty is that of a last state that is known to be zero.
+
+    RTS from x_s(n) = 0, P_s(n) = 0 gives the numbers of `forward_backward` with the start "literal".
+    model, course : of a line, and its forward filter.
+    """
+    mean, cov = course.mean.copy(), course.cov.copy()
+    mean[-1], cov[-1] = 0.0, 0.0
+    both = smooth(replace(course, mean=mean, cov=cov))
+    return States(model.names, model.scale, both.t, both.mean, both.cov)
 
 
 def combine(x: Array, P: Array, x_b: Array, P_b: Array, epoch: int = 0) -> tuple[Array, Array]:

@@ -45,9 +45,17 @@ def fir(line: Line, cutoff_s: float, cut_ends: bool = False) -> Array:
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
-def butterworth(line: Line, cutoff_s: float, order: int = 3) -> Array:
-    """Apparent gravity behind a zero-phase Butterworth low-pass with scipy's own padding (n,) [mGal]."""
-    return signal.filtfilt(*signal.butter(order, 1.0 / cutoff_s, fs=1.0 / line.dt), apparent_gravity(line))
+def butterworth(line: Line, cutoff_s: float, order: int = 3, cut_ends: bool = False) -> Array:
+    """Apparent gravity behind a zero-phase Butterworth low-pass with scipy's own padding (n,) [mGal].
+
+    cut_ends : filter the second difference itself, evenly extended over two cutoffs, as `fir` does.
+    """
+    (b, a), x = signal.butter(order, 1.0 / cutoff_s, fs=1.0 / line.dt), apparent_gravity(line)
+    if not cut_ends:
+        return signal.filtfilt(b, a, x)
+    reach = min(len(x) - 3, round(2 * cutoff_s / line.dt))
+    inner = signal.filtfilt(b, a, x[1:-1], padtype="even", padlen=reach)
+    return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
 def fir_gain(cutoff_s: float, dt: float, frequency: Array) -> Array:
@@ -91,3 +99,11 @@ def forward_response(line: Line, tuning: Tuning, course: Trajectory, wavelength:
         x = np.linalg.solve(np.eye(n) - A * np.exp(-1j * w * line.dt), K.astype(complex))
         out[i] = model.scale[pick] * x[pick] * -1.0 / w**2
     return out
+
+
+def signal_lost(gain: Array, variance: Array) -> float:
+    """Root mean square of the gravity that a filter takes away [mGal], sqrt(sum (1 - gain)^2 variance).
+
+    gain, variance : (n,) at the same wavelengths, the latter [mGal^2] as `simulate.along_track` gives it.
+    """
+    return float(np.sqrt(np.sum((1.0 - np.asarray(gain)) ** 2 * variance)))

@@ -32,8 +32,8 @@ ALIASED_R = 0.15
 class Outcome:
     """One simulated line: curves by method (n,) [mGal], their sigma, the innovations, and what to judge them by.
 
-    Methods: forward and fb of the tuning, coloured of the coloured one where given, fir<cutoff>, fircut<cutoff> (ends
-    cut) and butter<cutoff>.
+    Methods: forward and fb of the tuning, coloured of the coloured one where given, smoothers of other tunings by their
+    names, fir<cutoff>, fircut<cutoff> (ends cut) and butter<cutoff>.
     """
 
     name: str
@@ -55,6 +55,15 @@ class Outcome:
         """Standard deviation of the error on the line proper [mGal]."""
         return float((self.curves[method] - self.gravity)[self.proper].std())
 
+    def rms(self, method: str) -> float:
+        """Root mean square error on the line proper [mGal], its mean included; method `reference` is the reference."""
+        curve = self.reference if method == "reference" else self.curves[method]
+        return float(np.sqrt(np.mean((curve - self.gravity)[self.proper] ** 2)))
+
+    def correlation(self, method: str) -> float:
+        """Correlation with the reference on the line proper."""
+        return float(np.corrcoef(self.curves[method][self.proper], self.reference[self.proper])[0, 1])
+
     def nees(self, method: str) -> float:
         """Mean normalised squared error of gravity on the line proper."""
         e = (self.curves[method] - self.gravity)[self.proper] / self.sigma[method][self.proper]
@@ -72,9 +81,11 @@ def simulated(
     coloured: Tuning | None = None,
     fir: Sequence[float] = (),
     butter: Sequence[float] = (),
+    others: Sequence[tuple[str, Tuning]] = (),
 ) -> list[Outcome]:
-    """One simulated survey, default_rng(seed), through all estimators asked for."""
-    return _survey(scenario, tuning, coloured, tuple(fir), tuple(butter), np.random.default_rng(seed))
+    """One simulated survey, default_rng(seed), through all estimators asked for; others : (name, tuning) pairs."""
+    rng = np.random.default_rng(seed)
+    return _survey(scenario, tuning, coloured, tuple(fir), tuple(butter), tuple(others), rng)
 
 
 def ensemble(
@@ -84,10 +95,11 @@ def ensemble(
     coloured: Tuning | None = None,
     fir: Sequence[float] = (),
     butter: Sequence[float] = (),
+    others: Sequence[tuple[str, Tuning]] = (),
     executor=None,
 ) -> list[list[Outcome]]:
     """Several seeds of `simulated`; executor : any concurrent.futures.Executor."""
-    run = partial(_survey, scenario, tuning, coloured, tuple(fir), tuple(butter))
+    run = partial(_survey, scenario, tuning, coloured, tuple(fir), tuple(butter), tuple(others))
     return monte_carlo(run, progress.track(seeds, "surveys"), executor)
 
 
@@ -123,6 +135,10 @@ class Judged:
         return np.array(
             [np.nanmean(d) if np.isfinite(d).any() else np.nan for d in self._differences(method, reference)]
         )
+
+    def trimmed(self, trim_s: float) -> Judged:
+        """The same estimates, judged with `trim_s` left out at either end. Raises ValueError where nothing is left."""
+        return replace(self, keep=tuple(assess.inner(flight.line.t, trim_s) for flight in self.flights))
 
     def _differences(self, method: str, reference: str) -> list[Array]:
         pairs = zip(self.series(method), self.series(reference), self.keep, strict=True)
@@ -185,7 +201,7 @@ def real(
     return Judged(tuple(flights), estimates, tuple(assess.inner(flight.line.t, trim_s) for flight in flights))
 
 
-def _survey(scenario, tuning, coloured, fir, butter, rng: np.random.Generator) -> list[Outcome]:
+def _survey(scenario, tuning, coloured, fir, butter, others, rng: np.random.Generator) -> list[Outcome]:
     out = []
     for truth, line in simulate.survey(scenario, rng):
         plain = estimate(line, tuning)
@@ -196,6 +212,9 @@ def _survey(scenario, tuning, coloured, fir, butter, rng: np.random.Generator) -
             other = estimate(line, coloured)
             curves["coloured"], sigma["coloured"] = other.smoothed.gravity, other.smoothed.sigma()
             innovations["coloured"] = other.innovations
+        for name, tuned in others:
+            other = estimate(line, tuned).smoothed
+            curves[name], sigma[name] = other.gravity, other.sigma()
         curves |= {f"fir{c:g}": classical.fir(line, c) for c in fir}
         curves |= {f"fircut{c:g}": classical.fir(line, c, cut_ends=True) for c in fir}
         curves |= {f"butter{c:g}": classical.butterworth(line, c) for c in butter}

@@ -83,6 +83,66 @@ def levels(points: Sequence[Crossover], values: Mapping[str, Array], sd_level: f
     return dict(zip(names, normals.factor().estimate[:, 0].tolist(), strict=True))
 
 
+class Levelling(NamedTuple):
+    """Levels of lines and ties, their drifts from end to end, and the crossovers by these [mGal].
+
+    level, drift : by name, drift 0 where none is estimated; residual : (points,) after levelling; left_out : (points,)
+    of each crossover when it takes no part in the levelling.
+    """
+
+    level: dict[str, float]
+    drift: dict[str, float]
+    residual: Array
+    left_out: Array
+
+    def of(self, name: str, epochs: int) -> Array:
+        """What to take from the values of a line (epochs,) [mGal]."""
+        return self.level.get(name, 0.0) + self.drift.get(name, 0.0) * (np.arange(epochs) / (epochs - 1) - 0.5)
+
+
+def adjust(
+    points: Sequence[Crossover],
+    values: Mapping[str, Array],
+    drift: bool = False,
+    robust: bool = False,
+    sd_level: float = 100.0,
+    sd_drift: float = 10.0,
+) -> Levelling:
+    """Levels by least squares as `levels` gives them, with a drift of every line and Huber's weights where asked for.
+
+    d = l_line - l_tie + s_line u_line - s_tie u_tie + e, u from -1/2 to 1/2 along a line;
+    w = min(1, 1.5 s / |e|), s = 1.4826 median |e|, iterated. The residual of a point that is left out is
+    e / (1 - w h), h its diagonal of A (A'WA + P^-1)^-1 A'.
+    sd_level, sd_drift : prior standard deviations [mGal] against a unit error of d. Raises ValueError for no crossover.
+    """
+    if not points:
+        raise ValueError("The lines do not cross: there is nothing to level by.")
+    names = list(dict.fromkeys([p.line for p in points] + [p.tie for p in points]))
+    d, m = differences(points, values), len(names)
+    A = np.zeros((len(points), 2 * m if drift else m))
+    for row, p in zip(A, points, strict=True):
+        for name, sign, at in ((p.line, 1.0, p.i), (p.tie, -1.0, p.j)):
+            row[names.index(name)] = sign
+            if drift:
+                row[m + names.index(name)] = sign * (at / (len(values[name]) - 1) - 0.5)
+    prior = np.diag(np.repeat([sd_level, sd_drift], m)[: A.shape[1]] ** -2.0)
+    w = np.ones(len(d))
+    for _ in range(50 if robust else 1):
+        N = A.T @ (w[:, None] * A) + prior
+        x = np.linalg.solve(N, A.T @ (w * d))
+        e = d - A @ x
+        if robust:
+            w = np.minimum(1.0, 1.5 * 1.4826 * np.median(np.abs(e)) / np.maximum(np.abs(e), 1e-12))
+    h = np.einsum("ij,ji->i", A, np.linalg.solve(N, A.T))
+    slopes = x[m:] if drift else np.zeros(m)
+    return Levelling(
+        dict(zip(names, x[:m].tolist(), strict=True)),
+        dict(zip(names, slopes.tolist(), strict=True)),
+        e,
+        e / (1.0 - w * h),
+    )
+
+
 def levelled(values: Mapping[str, Array], level: Mapping[str, float]) -> dict[str, Array]:
     """The same values less the level of each line."""
     return {name: value - level.get(name, 0.0) for name, value in values.items()}

@@ -28,6 +28,8 @@ three.
 DV, DH, TAU3, K1, K2, K3, BIAS, DG, DG1, DG2, COLOUR = range(11)
 CORRELATION = 2.903
 """beta L / V of the third-order Gauss-Markov model: its correlation falls to 1/e (0.3682) at the length L."""
+ORDERS = {1: 1.0, 2: 2.146, 3: CORRELATION}
+"""beta L / V of the Gauss-Markov models of each order, whose correlations fall to 1/e at the length L."""
 SHORTEST = 240.0
 """A line below this length [s] is refused: it holds hardly more than its two filtered ends."""
 
@@ -42,6 +44,8 @@ class Tuning:
     sd_* : prior standard deviations of dv [m/s], dh [m], tau3 [s], k1 and k2 [rad], k3 [-], bias [mGal];
     colour_m, colour_s : standard deviation [m] and time constant [s] of a coloured error of the height, 0 m for none;
     V : speed [m/s], 0 for that of the line; k3_from : f3' counts from here in the k3 column [mGal].
+    order : of the Gauss-Markov model of gravity, 3 in (13); wander_s : time [s] in which tau3, k1, k2 and k3 wander by
+    their prior standard deviations, q_k of (15); 0 for constants.
 
     Raises ValueError for a value that is not finite or has a wrong sign.
     """
@@ -60,6 +64,8 @@ class Tuning:
     colour_m: float = 0.0
     colour_s: float = 80.0
     k3_from: float = 0.0
+    order: int = 3
+    wander_s: float = 0.0
 
     def __post_init__(self) -> None:
         positive = {"L_km", "R_m", "sd_dv", "sd_dh", "colour_s"}
@@ -68,6 +74,8 @@ class Tuning:
             if not math.isfinite(value) or value < 0 or (item.name in positive and value == 0):
                 rule = "positive" if item.name in positive else "zero or positive"
                 raise ValueError(f"{item.name} = {value:g}: it must be finite and {rule}.")
+        if self.order not in ORDERS:
+            raise ValueError(f"order = {self.order:g}: the gravity models are of order {', '.join(map(str, ORDERS))}.")
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Tuning:
@@ -83,8 +91,8 @@ class Tuning:
         return replace(self, R_m=white_m, colour_m=colour_m, colour_s=colour_s)
 
     def beta(self, V: float) -> float:
-        """Decay rate of the gravity model at a speed V [m/s], equation (13): 2.903 V / L [1/s]."""
-        return CORRELATION * (self.V or V) / (1e3 * self.L_km)
+        """Decay rate of the gravity model at a speed V [m/s], equation (13): 2.903 V / L [1/s] where its order is 3."""
+        return ORDERS[self.order] * (self.V or V) / (1e3 * self.L_km)
 
 
 _KAURING = Tuning(L_km=6.0, sigma_mgal=15.0, q_f=5.0, R_m=0.02, sd_dv=3.0, sd_dh=0.01, sd_k12=1e-5, sd_k3=3e-5)
@@ -187,14 +195,19 @@ def step_integrals(f: Array, dt: float, every: int = 1) -> tuple[Array, Array]:
     return first, second
 
 
-def gravity_density(beta: float, sigma: float) -> float:
-    """Power density of the white noise that drives the third-order Gauss-Markov model: 16/3 beta^5 sigma^2."""
-    return 16.0 / 3.0 * beta**5 * sigma**2
+def gravity_density(beta: float, sigma: float, order: int = 3) -> float:
+    """Power density of the white noise that drives a Gauss-Markov model: 16/3 beta^5 sigma^2 for the third order.
+
+    2 beta sigma^2 for the first, 4 beta^3 sigma^2 for the second (Gelb 1974, table of shaping filters).
+    """
+    return {1: 2.0, 2: 4.0, 3: 16.0 / 3.0}[order] * beta ** (2 * order - 1) * sigma**2
 
 
-def gravity_covariance(beta: float, sigma: float) -> Array:
-    """Stationary covariance (3, 3) of gravity and its first two derivatives under (14)."""
+def gravity_covariance(beta: float, sigma: float, order: int = 3) -> Array:
+    """Stationary covariance (order, order) of gravity and its derivatives under (14)."""
     b = beta**2
+    if order < 3:
+        return sigma**2 * np.diag([1.0, b][:order])
     return sigma**2 * np.array([[1.0, 0.0, -b / 3], [0.0, b / 3, 0.0], [-b / 3, 0.0, b**2]])
 
 
@@ -209,15 +222,17 @@ def power_density(omega: ArrayLike, beta: float, sigma: float) -> Array:
     return gravity_density(beta, sigma) / (beta**2 + np.asarray(omega) ** 2) ** 3
 
 
-def block(dt: float, beta: float, sigma: float, q_f: float) -> tuple[Array, Array]:
-    """Transition and process noise (5, 5) of the constant block [dv, dh, dg, dg', dg''] over a step, by van Loan's
-    method.
+def block(dt: float, beta: float, sigma: float, q_f: float, order: int = 3) -> tuple[Array, Array]:
+    """Transition and process noise (2 + order, 2 + order) of the constant block [dv, dh, dg, dg', dg''] over a step.
+
+    By van Loan's method; gravity is (d/dt + beta)^order dg = w.
     """
-    F = np.zeros((5, 5))
-    F[0, 2] = F[1, 0] = F[2, 3] = F[3, 4] = 1.0
-    F[4, 2:] = -(beta**3), -3 * beta**2, -3 * beta
-    W = np.zeros((5, 5))
-    W[0, 0], W[4, 4] = q_f**2, gravity_density(beta, sigma)
+    n = 2 + order
+    F, W = np.zeros((n, n)), np.zeros((n, n))
+    F[0, 2] = F[1, 0] = 1.0
+    F[range(2, n - 1), range(3, n)] = 1.0
+    F[-1, 2:] = [-math.comb(order, k) * beta ** (order - k) for k in range(order)]
+    W[0, 0], W[-1, -1] = q_f**2, gravity_density(beta, sigma, order)
     return van_loan(F, W, dt)
 
 
@@ -227,8 +242,9 @@ def build(line: Line, tuning: Tuning) -> ScaledModel:
     size = len(STATES)
     Phi, Q, P = np.zeros((n - 1, size, size)), np.zeros((size, size)), np.zeros((size, size))
     Phi[:] = np.eye(size)
-    core = np.ix_([DV, DH, DG, DG1, DG2], [DV, DH, DG, DG1, DG2])
-    constant, Q[core] = block(dt, beta, tuning.sigma_mgal, tuning.q_f)
+    gravity = [DG, DG1, DG2][: tuning.order]
+    core = np.ix_([DV, DH, *gravity], [DV, DH, *gravity])
+    constant, Q[core] = block(dt, beta, tuning.sigma_mgal, tuning.q_f, tuning.order)
     Phi[(slice(None), *core)] = constant
     first, second = line.first.copy(), line.second.copy()
     first[:, 3] -= tuning.k3_from * dt
@@ -238,7 +254,10 @@ def build(line: Line, tuning: Tuning) -> ScaledModel:
     Phi[:, DV, BIAS], Phi[:, DH, BIAS] = dt, dt**2 / 2
     start, errors = (tuning.sd_dv * METRE, tuning.sd_dh * METRE), (tuning.sd_tau3, tuning.sd_k12, tuning.sd_k12)
     P[range(7), range(7)] = np.square([*start, *errors, tuning.sd_k3, tuning.sd_bias])
-    P[DG : DG2 + 1, DG : DG2 + 1] = gravity_covariance(beta, tuning.sigma_mgal)
+    P[np.ix_(gravity, gravity)] = gravity_covariance(beta, tuning.sigma_mgal, tuning.order)
+    if tuning.wander_s:  # within a step, 1/3000 of the usual time, the wandering does not reach dv
+        wandering = range(TAU3, K3 + 1)
+        Q[wandering, wandering] = P[wandering, wandering] * dt / tuning.wander_s
     if tuning.colour_m:
         one, noise = gauss_markov(dt, tuning.colour_s, tuning.colour_m * METRE)
         Phi[:, COLOUR, COLOUR], Q[COLOUR, COLOUR] = one[0, 0], noise[0, 0]

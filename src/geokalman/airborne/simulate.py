@@ -17,7 +17,9 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import map_coordinates
 
 from geokalman.airborne import corrections
-from geokalman.airborne.model import METRE, Array, Line, double_integral, gravity_covariance, step_integrals
+from geokalman.airborne.model import (
+    CORRELATION, METRE, Array, Line, double_integral, gravity_covariance, power_density, step_integrals,
+)  # fmt: skip
 from geokalman.constants import A_EARTH
 from geokalman.kalman.discretise import gauss_markov
 
@@ -38,7 +40,8 @@ class Scenario:
     source_km, sigma_mgal : smoothness and size of the field; truth : field or gm3 (then L_km is its correlation
     length).
     white, drift, drift_s : accelerometer [mGal/sqrt(Hz), mGal, s]; k3, k12, tau3 : its error sizes [-, rad, s].
-    gnss_white, gnss_colour, gnss_s : height error [m, m, s]; gnss_velocity [m/s] horizontal.
+    gnss_white, gnss_colour, gnss_s : height error [m, m, s]; gnss_velocity [m/s] horizontal; gnss_up : white error of
+    the vertical velocity [m/s] whose integral is the height, as h'' of (12) is described; 0 for measured heights.
     turbulence : vertical [m/s^2]; reference : error of the GT-like reference [mGal]; rate, imu_rate [Hz].
     integrate_at : rate of the double integration [Hz], the IMU's unless one wants to see what goes wrong.
     """
@@ -63,6 +66,7 @@ class Scenario:
     gnss_colour: float = 0.004
     gnss_s: float = 80.0
     gnss_velocity: float = 0.01
+    gnss_up: float = 0.0
     turbulence: float = 0.3
     reference: float = 0.79
     rate: float = 2.0
@@ -141,12 +145,33 @@ def survey_of_seed(scenario: Scenario, seed: int) -> list[tuple[Truth, Line]]:
 
 def random_field(scenario: Scenario, rng: np.random.Generator) -> Array:
     """Isotropic random gravity on the grid, amplitude exp(-k (source + h)) / (k + 2 pi/60 km), scaled to sigma_mgal."""
+    field = fft.ifft2(fft.fft2(rng.standard_normal(NODES)) * _amplitude(scenario)).real
+    return field * (scenario.sigma_mgal / field.std())
+
+
+def _amplitude(scenario: Scenario) -> Array:
     kx, ky = (2 * np.pi * fft.fftfreq(n, SPACING) for n in NODES)
     k = np.hypot(kx[:, None], ky)
     amplitude = np.exp(-k * (scenario.source_km * 1e3 + scenario.height_m)) / (k + 2 * np.pi / 60e3)
     amplitude[0, 0] = 0.0
-    field = fft.ifft2(fft.fft2(rng.standard_normal(NODES)) * amplitude).real
-    return field * (scenario.sigma_mgal / field.std())
+    return amplitude
+
+
+def along_track(scenario: Scenario) -> tuple[Array, Array]:
+    """Wavelengths along a line [m] and the variance of gravity in each [mGal^2]; they add up to that of the field.
+
+    The random field's variance in each node of its spectrum, summed over the wave numbers across the lines; for
+    `truth` gm3 the density of the third-order model at the same wavelengths.
+    """
+    n = NODES[0] // 2
+    wavelength = NODES[0] * SPACING / np.arange(1, n)
+    if scenario.truth == "gm3":
+        density = power_density(
+            2 * np.pi * scenario.V / wavelength, CORRELATION * scenario.V / (1e3 * scenario.L_km), 1.0
+        )
+        return wavelength, density * scenario.sigma_mgal**2 / density.sum()
+    variance = (_amplitude(scenario) ** 2).sum(axis=1)
+    return wavelength, variance[1:n] * scenario.sigma_mgal**2 / variance[1:n].sum()
 
 
 def fly(
@@ -192,6 +217,8 @@ def fly(
     measured_turning = _zero_phase(corrections.eotvos(lat[slow], height[slow], seen_east, seen_north), s.rate, 0.05, 2)
     a0 = f_3 - still + CubicSpline(t[slow], measured_turning)(t)
     error = s.gnss_white * rng.standard_normal(epochs) + _first_order(rng, epochs, 1 / s.rate, s.gnss_s, s.gnss_colour)
+    if s.gnss_up:
+        error = np.concatenate([[0.0], np.cumsum(s.gnss_up / s.rate * rng.standard_normal(epochs - 1))])
     v_up = motion.series(up, derivative=1)
     skip = round(s.imu_rate / s.integrate_at) if s.integrate_at else 1
     integrated = double_integral(a0[::skip], skip * dt, METRE * v_up[0])[1][:: every // skip]
