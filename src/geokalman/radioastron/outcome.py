@@ -67,7 +67,7 @@ class Reading:
 
     orbit : "real" or "assumed";  angle : position angle [deg] of the source about the baseline, from north to east;
     prior : of `PRIORS`;  weights : of `WEIGHTS`;  bias : "none", "common" or "per-pass";  impulse : of the wheels
-    [m/s];  bandwidth [Hz];  band : of session BC, "L", "C" or "K".
+    [m/s];  bandwidth [Hz];  band : of session BC, "L", "C" or "K";  stage : what Figure 3 compares, see `signals`.
     """
 
     orbit: str = orbits.REAL
@@ -78,6 +78,7 @@ class Reading:
     impulse: float = 5e-3
     bandwidth: float = 16e6
     band: str = "L"
+    stage: str = "delay-and-rate"
 
     @property
     def levels(self) -> Scenario:
@@ -123,25 +124,34 @@ def draw(name: str, reading: Reading, draws: int, rng: np.random.Generator, told
 
 
 class Signals(NamedTuple):
-    """SNR of scans (n,): a priori, after the filter, a priori after post-correlation."""
+    """SNR of scans (n,) of the first correlation, a priori and after the filter, and of both as Figure 3 has them."""
 
     prior: Array
     post: Array
     corrected: Array
+    staged: Array
 
 
-def signals(d: Draws, setup: Setup, free: float, rng: np.random.Generator, count: int) -> Signals:
+def signals(
+    d: Draws, setup: Setup, free: float, rng: np.random.Generator, count: int, stage: str = "delay-and-rate"
+) -> Signals:
     """SNR of the first draws, with noise; free : SNR without residuals.
 
-    Post-correlation takes off the delay and the rate that the first correlation found; the acceleration stays.
+    Post-correlation of the a-priori orbit takes off the delay and the rate that the first correlation found, or with
+    stage "delay" the delay alone; the acceleration stays. With stage "predicted" the filter's SNR, too, is that after
+    post-correlation.
     """
     n = min(count, len(d.prior.rate))
     found = [
         np.maximum(0.0, 1.0 - np.abs(r.delay[:n]) / _SEGMENT) * drifting(setup, r.rate[:n], r.acceleration[:n])
         for r in (d.prior, d.post)
     ]
-    found.append(drifting(setup, np.zeros(n), d.prior.acceleration[:n]))
-    return Signals(*(np.hypot(free * x + math.sqrt(0.5) * rng.standard_normal(n), 1.0) for x in found))
+    found.append(drifting(setup, d.prior.rate[:n] if stage == "delay" else np.zeros(n), d.prior.acceleration[:n]))
+    seen = [np.hypot(free * x + math.sqrt(0.5) * rng.standard_normal(n), 1.0) for x in found]
+    if stage == "predicted":
+        clean = drifting(setup, np.zeros(n), d.post.acceleration[:n])
+        return Signals(*seen, np.hypot(free * clean + math.sqrt(0.5) * rng.standard_normal(n), 1.0))
+    return Signals(*seen, seen[1])
 
 
 def session_numbers(d: Draws, signal: Signals, band: str) -> Numbers:
@@ -159,7 +169,7 @@ def session_numbers(d: Draws, signal: Signals, band: str) -> Numbers:
         out[f"{word}.position_m.rms"] = assess.rms(np.linalg.norm(e[:, :3], axis=1)), "m"
     out |= dict(_ends("change_us", 1e6 * (np.abs(d.prior.delay) - np.abs(d.post.delay)), "µs"))
     out |= dict(_ends("snr.ratio", signal.post / signal.prior))
-    out |= dict(_ends("stage.ratio", signal.post / signal.corrected))
+    out |= dict(_ends("stage.ratio", signal.staged / signal.corrected))
     for kind in ("delay", "rate"):
         gain = np.abs(getattr(d.prior, kind)) / np.abs(getattr(d.post, kind))
         out |= dict(_ends(f"gain.{kind}", gain))
@@ -245,7 +255,8 @@ def numbers(reading: Reading, draws: int = 2000, correlated: int = 100, seed: in
     for k, name in enumerate(SESSIONS):
         rng = np.random.default_rng([seed, k])
         d = draw(name, reading, draws, rng)
-        signal = signals(d, Setup(bands[name], reading.bandwidth, 256), SNR_FREE[name], rng, correlated)
+        setup = Setup(bands[name], reading.bandwidth, 256)
+        signal = signals(d, setup, SNR_FREE[name], rng, correlated, reading.stage)
         found = session_numbers(d, signal, bands[name])
         if name == "ST":
             found |= jointly(d, 1.8e-10, 2.0e-11, 1e-6)
