@@ -42,13 +42,16 @@ def test_an_honest_filter_has_six(st):
     assert np.mean(nees(sample.post / scale, covariance)) == pytest.approx(6.0, abs=0.25)
 
 
-def test_a_larger_told_prior_is_the_formal_one(st):
-    """With all errors as large as told and no unknown force, draws have the filter's own sigma."""
+def test_draws_with_another_prior_than_assumed(st):
+    """Covariance (I - K H) P0 (I - K H)' + K R K' with the gain of five times the sigmas, and no unknown force."""
     levels = Scenario(bias="none", pressure_error=0.0, acceleration=0.0, impulse=0.0)
-    told, _ = formal.reduced_sample(st.linear, st.effects, levels, NAIVE, np.random.default_rng(2), told=5.0)
-    alike, _ = formal.reduced_sample(st.linear, st.effects, levels, NAIVE, np.random.default_rng(2))
-    np.testing.assert_array_equal(told.prior, alike.prior)
-    assert assess.rms(told.post[:, :3]) > assess.rms(alike.post[:, :3])
+    wide = replace(levels, prior_position=1e4, prior_velocity=0.25)
+    solution = formal.solve(st.linear, wide, NAIVE)
+    noise = np.einsum("pki,i,qki->pq", solution.gain, np.array([10.0, 1e-3]) ** 2, solution.gain)
+    covariance = solution.prior_gain @ levels.prior_cov @ solution.prior_gain.T + noise
+    expected = np.sqrt(np.diag(st.linear.Phi @ covariance @ st.linear.Phi.T))
+    sample, _ = formal.reduced_sample(st.linear, st.effects, levels, NAIVE, np.random.default_rng(2), prior_scale=5.0)
+    np.testing.assert_allclose(sample.post.std(axis=0), expected, rtol=0.06)
 
 
 def test_errors_of_the_data_that_an_orbit_error_makes_move_the_orbit_by_it(st):

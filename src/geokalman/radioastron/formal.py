@@ -230,16 +230,16 @@ def large_sample(
     weights: Tuning,
     rng: np.random.Generator,
     draws: int = 4000,
-    told: float = 1.0,
+    prior_scale: float = 1.0,
     known: Effects | None = None,
 ) -> Sample:
     """Errors of the linear estimate over many draws of everything that `simulate.draw` draws.
 
-    told : sigmas of P(0) that the estimator is told, in units of those that the error is drawn from;  known : the
-    `effects` of the geometry where they were computed before.
+    prior_scale : sigmas of P(0) that the estimator assumes, in units of those that the error is drawn from;  known :
+    the `effects` of the geometry where they were computed before.
     """
-    believed = replace(levels, prior_position=told * levels.prior_position, prior_velocity=told * levels.prior_velocity)
-    solution, session, known = solve(g, believed, weights), g.session, known or effects(g)
+    solution = solve(g, _scaled(levels, prior_scale), weights)
+    session, known = g.session, known or effects(g)
     error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
     axes = rng.standard_normal((2, draws, 3))
     axes /= np.linalg.norm(axes, axis=2, keepdims=True)
@@ -266,7 +266,7 @@ def reduced_sample(
     weights: Tuning,
     rng: np.random.Generator,
     draws: int = 4000,
-    told: float = 1.0,
+    prior_scale: float = 1.0,
 ) -> tuple[Sample, Array]:
     """Errors as of `large_sample`, drawn where they enter the six states, and the covariance that the estimator states.
 
@@ -274,8 +274,7 @@ def reduced_sample(
     through sum K_k h_k times their effect, an impulse at t through the sum of K_k H_k over t_k >= t. The covariance
     (6, 6) is that of mid-observation. A hundred times cheaper than drawing every measurement.
     """
-    believed = replace(levels, prior_position=told * levels.prior_position, prior_velocity=told * levels.prior_velocity)
-    solution, session = solve(g, believed, weights), g.session
+    solution, session = solve(g, _scaled(levels, prior_scale), weights), g.session
     gain, count = solution.gain, len(g.t)
     error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
     axes = rng.standard_normal((2, draws, 3))
@@ -299,6 +298,11 @@ def reduced_sample(
         estimate += biases @ np.einsum("pki,kib->bp", gain, G)
     own = g.Phi @ solution.own @ g.Phi.T
     return Sample(error0 @ g.Phi.T - middle, estimate @ g.Phi.T - middle), own
+
+
+def _scaled(levels: Scenario, scale: float) -> Scenario:
+    """The levels with another a-priori sigma."""
+    return replace(levels, prior_position=scale * levels.prior_position, prior_velocity=scale * levels.prior_velocity)
 
 
 def _from_start(g: Geometry) -> Array:

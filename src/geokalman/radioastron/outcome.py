@@ -87,7 +87,7 @@ class Reading:
         return Scenario(prior_position=position, prior_velocity=velocity, bias=self.bias, impulse=self.impulse)
 
 
-class Geometry(NamedTuple):
+class Linearised(NamedTuple):
     """A session that was linearised, and the effects of unknown forces on it."""
 
     linear: formal.Geometry
@@ -95,11 +95,11 @@ class Geometry(NamedTuple):
 
 
 @functools.lru_cache(maxsize=16)
-def geometry(name: str, orbit: str) -> Geometry:
+def geometry(name: str, orbit: str) -> Linearised:
     """Linearise a session about its nominal orbit, once."""
     session = orbits.on_orbit(name, orbit)
     linear = formal.linearise(session, world(session), (session.station,))
-    return Geometry(linear, formal.effects(linear))
+    return Linearised(linear, formal.effects(linear))
 
 
 class Draws(NamedTuple):
@@ -113,12 +113,12 @@ class Draws(NamedTuple):
     source: Array
 
 
-def draw(name: str, reading: Reading, draws: int, rng: np.random.Generator, told: float = 1.0) -> Draws:
-    """Draw the errors of a session in a reading; told : as in `formal.reduced_sample`."""
+def draw(name: str, reading: Reading, draws: int, rng: np.random.Generator, prior_scale: float = 1.0) -> Draws:
+    """Draw the errors of a session in a reading; prior_scale : as in `formal.reduced_sample`."""
     g, effects = geometry(name, reading.orbit)
     session = orbits.toward_circle(g.session, reading.angle)
     source, gradient = toward(session), g.world.gradient(session.middle, g.middle)
-    errors, own = formal.reduced_sample(g, effects, reading.levels, WEIGHTS[reading.weights], rng, draws, told)
+    errors, own = formal.reduced_sample(g, effects, reading.levels, WEIGHTS[reading.weights], rng, draws, prior_scale)
     prior, post = (assess.residual(e, gradient, source) for e in errors)
     return Draws(session, errors, prior, post, own, source)
 
