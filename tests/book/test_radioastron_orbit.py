@@ -52,6 +52,8 @@ def test_figures_are_drawn_twice_with_their_data(run, assert_drawn, name):
      "coherence", 0.525, 0.02),
     ("vacuum", "02-measurements", {"shapiro": False}, "range_m", 86058023.32 - 0.0263, 1e-9),
     ("clock", "02-measurements", {"terms": ["clock"]}, "doppler.sum", 6.969290134e-10 * 299792458.0, 1e-9),
+    ("elsewhere", "11-real-orbits", {"orbit": "assumed", "draws": 100, "correlated": 10}, "st.distance.first_m",
+     89080600.0, 1e-5),
     ("ray", "02-measurements", {"light_time_terms": ["distance"]},
      "light_time.seconds", 86058340.0 / 299792458.0, 1e-7),
 ])  # fmt: skip

@@ -1,4 +1,4 @@
-"""A test for every erratum of the paper: what the printed thing would be, and that ours is not that."""
+"""A test for every erratum: what the formula of the text that we have would be, and that ours is not that."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import pytest
 from execbook.project import root as project_root
 from geokalman.constants import C_LIGHT, GM_EARTH
 from geokalman.kalman.linear import predict, update
+from geokalman.physics.perturbations import SOLAR_PRESSURE
 from geokalman.physics.satellite import ForceModel
-from geokalman.radioastron import assess, estimate, experiment, oneway, twoway
+from geokalman.radioastron import assess, estimate, experiment, formal, oneway, twoway
 from geokalman.radioastron.correlator import Setup, scan_snr, within_window
-from geokalman.radioastron.data import INFLATED, Scenario
-from geokalman.radioastron.model import BANDS, SOURCES, STATIONS, direction, find_session, nominal_state, world
+from geokalman.radioastron.data import INFLATED, NAIVE, Scenario
+from geokalman.radioastron.model import BANDS, SOURCES, STATIONS, direction, find_session, nominal_state, toward, world
 
 ROOT = project_root()
 PRINTED_RATES = 1.8e-10, 2e-11
@@ -76,10 +77,14 @@ def test_e3_one_step_over_the_gap_is_another_matrix(st, state):
 
 
 def test_e4_sunlight_pushes_away_from_the_sun(st, state):
+    """And with the plus sign and the geocentric Sun of the text, p C_R (A/m) r_Sun/r_Sun^3 AU^2, towards it."""
     push = st[1].acceleration(st[0].first, state) - world(st[0], ForceModel(kappa=0.0)).acceleration(st[0].first, state)
     away = state[:3] - st[1].body("sun", st[0].first)
     assert push @ away / np.linalg.norm(push) / np.linalg.norm(away) == pytest.approx(1.0, abs=1e-6)
     assert np.linalg.norm(push) == pytest.approx(1.75e-7, rel=0.02)
+    sun, kappa, au = st[1].body("sun", st[0].first), 0.039, 149597870700.0
+    text = SOLAR_PRESSURE * kappa * sun / np.linalg.norm(sun) ** 3 * au**2
+    assert text @ push / np.linalg.norm(text) / np.linalg.norm(push) == pytest.approx(-1.0, abs=1e-5)
 
 
 def test_e5_lost_numerator_and_root_by_dimension(st, state):
@@ -97,7 +102,13 @@ def test_e5_lost_numerator_and_root_by_dimension(st, state):
 
 
 def test_e6_one_sampling_step_bounds_the_drift():
+    """And the text has a 2 before the second derivative, four times the term of the series (1)."""
     setup = Setup()
+    q, T = 1e-12, setup.duration
+    assert within_window(setup, 0.0, setup.sample / (0.5 * T * T) * 0.999) and 2.0 * q * T * T == 4.0 * (
+        0.5 * q * T * T
+    )
+    assert not within_window(setup, 0.0, setup.sample / (0.5 * T * T) * 1.001)
     assert setup.sample == pytest.approx(1.0 / (2.0 * setup.bandwidth))
     limit = setup.sample / setup.duration
     assert within_window(setup, 0.999 * limit, 0.0) and not within_window(setup, 1.001 * limit, 0.0)
@@ -113,6 +124,17 @@ def test_e7_the_printed_doppler_is_that_of_another_link(st, state):
         twoway.station_step(session.first + offset, itrs, forces.params, place[-1])
     terms = oneway.doppler_terms(state, a, place[0], place[2] - place[1], forces.body("moon", session.first))
     assert oneway.doppler(terms) + z[1] == pytest.approx(terms["clock"], abs=0.03)
+
+
+def test_e7_taken_for_each_other_the_links_spoil_the_orbit(st):
+    """A second reader's numbers for 0.184 m/s in every rate: 30.6 us at 50/3 and 449 us at 10/1; a range step 1.9 us."""
+    session, forces = st
+    g, source = formal.linearise(session, forces, (session.station,)), toward(session)
+    rate, step = np.zeros((2, len(g.t), 2))
+    rate[:, 1], step[g.arc == 1, 0] = 0.184251, 5.0
+    for weights, error, microseconds in ((INFLATED, rate, 30.6), (NAIVE, rate, 449.0), (NAIVE, step, 1.9)):
+        made = formal.response(g, Scenario(), weights, error, source)
+        assert 1e6 * abs(made.delay) == pytest.approx(microseconds, rel=0.01)
 
 
 def test_e8_a_zero_for_the_letter_o():

@@ -196,6 +196,12 @@ def test_losses(theme):
     np.testing.assert_allclose(line(figure.axes[0], "L 16 MHz").get_xdata(), [0.0, 1.0])
 
 
+def test_around(theme):
+    figure = figures.around(np.array([0.0, 90.0]), {"ST": np.array([0.2, 0.3])}, "share of draws", 0.1)
+    dressed(figure, theme, "[deg]", "share of draws")
+    np.testing.assert_array_equal(line(figure.axes[0], "ST").get_data(), [[0.0, 90.0], [0.2, 0.3]])
+
+
 def test_ratio_histogram(theme):
     figure = figures.ratio_histogram(np.array([2.0, 1.0]), 2.0, "SNR ratio")
     dressed(figure, theme, "SNR ratio", "share of runs below")

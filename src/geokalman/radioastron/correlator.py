@@ -27,8 +27,8 @@ SNR0 = 60.0
 class Setup:
     """A scan at the correlator: SI.
 
-    band "L" or "C", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT in
-    both directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an
+    band "L", "C" or "K", bandwidth B [Hz], n_channels, duration T [s], accumulation period T_AP [s], padding of the FFT
+    in both directions. The lag window is +-n/(2 B) and the fringe-rate window +-1/(2 T_AP). Raises ValueError for an
     unknown band, sizes that are not positive, T_AP > T; TooLarge for more cells than memory holds; warns where
     n_channels is no power of two (allowed, slower).
     """
@@ -42,7 +42,7 @@ class Setup:
 
     def __post_init__(self) -> None:
         if self.band not in BANDS:
-            raise ValueError(f"band {self.band!r} is unknown; give L (18 cm) or C (6.2 cm).")
+            raise ValueError(f"band {self.band!r} is unknown; give L (18 cm), C (6.2 cm) or K (1.4 cm).")
         for name in ("bandwidth", "n_channels", "duration", "period", "padding"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
@@ -84,6 +84,12 @@ class Setup:
 
 
 _BLOCK = 32  # columns transformed at a time: they fit the cache
+
+
+_BLOCKS, _TRANSFORM = 150, 512
+"""Blocks of a scan in `drifting`, and length of their transform."""
+_LAG, _MOST = 0.25, 64
+"""Step of the lags in `drifting`, in units of 1/B, and how many about the middle of the track are tried."""
 
 
 class Peak(NamedTuple):
@@ -176,6 +182,27 @@ def coherence(setup: Setup, rate: float, acceleration: float) -> float:
     """SNR / SNR0 of a scan without noise whose residual delay drifts at `rate` [s/s] and `acceleration` [1/s]."""
     cells = visibilities(setup, *polynomial(setup, 0.0, rate, acceleration), snr0=1.0)
     return find(setup, cells).snr
+
+
+def drifting(setup: Setup, rate: Array, acceleration: Array) -> Array:
+    """SNR / SNR0 of scans (...) of residual rate [s/s] and acceleration [1/s], noise-free, without a grid of channels.
+
+    S(tau, nu) = mean over t of sinc((f_RF + B/2) dtau' T_AP) sinc(B (dtau - tau)) exp(2 pi i (f_RF + B/2) dtau)
+    exp(-2 pi i nu t), its largest size; that is `coherence` with its sum over the channels in closed form, the times
+    in blocks, and a fine grid of nu and tau.
+    """
+    centre = setup.frequency + 0.5 * setup.bandwidth
+    late = ((np.arange(_BLOCKS) + 0.5) / _BLOCKS - 0.5) * setup.duration
+    out = np.empty(np.shape(rate))
+    for k, (r, q) in enumerate(zip(np.ravel(rate), np.ravel(acceleration), strict=True)):
+        bend = 0.5 * q * late**2
+        track, speed = r * late + bend, r + q * late
+        lags = np.arange(track.min(), track.max() + _LAG / setup.bandwidth, _LAG / setup.bandwidth)
+        lags = lags[np.argsort(np.abs(lags - np.median(track)))[:_MOST]]
+        cells = np.sinc(centre * speed * setup.period) * np.exp(2j * np.pi * centre * bend)
+        cells = cells * np.sinc(setup.bandwidth * (track - lags[:, None]))
+        out.flat[k] = np.abs(fft.fft(cells, _TRANSFORM, axis=1)).max() / _BLOCKS
+    return out
 
 
 def scan_snr(

@@ -38,8 +38,8 @@ SOURCES: dict[str, tuple[float, float]] = {
     "0212+735": (34.3783891, 73.8257283),
 }
 """Right ascension, declination (J2000) of the assumed sources [deg]: near the printed baseline of each session."""
-BANDS = {"L": 1.668e9, "C": 4.836e9}
-"""Lower edge of the observing band [Hz]: 18 cm and 6.2 cm."""
+BANDS = {"L": 1.668e9, "C": 4.836e9, "K": 22.0e9}
+"""Lower edge of the observing band [Hz]: 18, 6.2 and 1.4 cm; of K, which the paper names only, a round number."""
 EARTH_DIAMETER = 12742e3
 """Diameter of the Earth that stands for the paper's unit of baselines [m]."""
 TT_MINUS_UTC = 67.184

@@ -16,9 +16,10 @@ from geokalman.radioastron.figures.errors import (
     sweep,
 )  # fmt: skip
 from geokalman.radioastron.figures.fringes import losses, planes, ratio_histogram, scan_snr
-from geokalman.radioastron.figures.orbit import elevation, ground_track, orbit_view
+from geokalman.radioastron.figures.orbit import around, elevation, ground_track, orbit_view
 
 __all__ = [
-    "bars", "corrections", "covariance_history", "divergence", "elevation", "ellipses", "ground_track", "histogram",
-    "innovations", "losses", "orbit_view", "planes", "ratio_histogram", "scan_snr", "scans", "sizes", "sweep",
+    "around", "bars", "corrections", "covariance_history", "divergence", "elevation", "ellipses", "ground_track",
+    "histogram", "innovations", "losses", "orbit_view", "planes", "ratio_histogram", "scan_snr",
+    "scans", "sizes", "sweep",
 ]  # fmt: skip

@@ -89,3 +89,15 @@ def elevation(
     axes.set(xlabel="UTC [h]", ylabel="elevation [deg]", ylim=(0, 90))
     figure.legend(loc="outside upper center", ncols=5)
     return figure
+
+
+def around(angles: Array, curves: Mapping[str, Array], label: str, printed: float) -> Figure:
+    """A share (k,) of each session against the position angle (k,) [deg] of its source; printed: a level to compare."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.4))
+    for name, (session, values) in zip(("ekf", "prior", "batch", "naive"), curves.items(), strict=False):
+        axes.plot(angles, values, **method(name, "linestyle", "marker", label=session))
+    axes.axhline(printed, color=ink(), linestyle=":", linewidth=1.6, label=f"{printed:g}")
+    axes.set(xlabel="position angle of the source [deg]", ylabel=label, ylim=(0, 1), xlim=(0, 360))
+    axes.set_xticks(range(0, 361, 60))
+    axes.legend()
+    return figure
