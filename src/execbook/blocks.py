@@ -111,6 +111,12 @@ def _all_claims(root: Path) -> str:
     return "\n".join(parts)
 
 
+def _settled(root: Path) -> str:
+    """Show what the papers leave open, by the number of claims that it decides."""
+    table = display.markdown_table(*verdicts.settled(root), ["left"] * 3 + ["right", "left", "left"])
+    return table_directive("What the papers leave open, by the number of claims that it decides.", "settled", table)
+
+
 def _rules(root: Path) -> str:
     """Show what each kind of statement asks for."""
     rows = [[name.replace("-", " "), rule.means] for name, rule in ledger.rules(root).items()]
@@ -171,6 +177,7 @@ BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
     "verdicts-of": (_verdicts_of, "PAPER/NOTEBOOK"),
     "all-claims": (_all_claims, ""),
     "rules": (_rules, ""),
+    "settled": (_settled, ""),
     "verdict-summary": (verdicts.summary_markdown, ""),
     "near-claims": (_near_claims, ""),
     "guards": (_guards, ""),

@@ -116,9 +116,25 @@ def judge_paper(root: Path, paper: str) -> list[Judgement]:
     entries, metrics = ledger(root, paper), functools.cache(functools.partial(recorded, root))
     readings = metrics(f"{paper}/{READINGS}") or {}
     try:
-        return [judge(claim, metrics, share_of(claim.id, readings)) for claim in entries]
+        judged = [judge(claim, metrics, share_of(claim.id, readings)) for claim in entries]
     except Fault as error:
         raise Fault(f"book/{paper}/claims.yml, {error}") from error
+    by_id = {judgement.claim.id: judgement for judgement in judged}
+    return [_resting(judgement, by_id) for judgement in judged]
+
+
+def _resting(judgement: Judgement, by_id: Mapping[str, Judgement]) -> Judgement:
+    """Add to the reason of a claim those that it rests on, at any remove, and that are not reproduced."""
+    open_ids, seen = list(judgement.claim.requires), {judgement.claim.id}
+    while open_ids:
+        if (name := open_ids.pop()) not in seen:
+            seen.add(name)
+            open_ids += by_id[name].claim.requires
+    failed = [name for name in sorted(seen - {judgement.claim.id}) if by_id[name].verdict == "not-reproduced"]
+    if not failed:
+        return judgement
+    words = f"rests on {', '.join(failed)}, {'which is' if len(failed) == 1 else 'which are'} not reproduced"
+    return judgement._replace(why="; ".join(filter(None, (judgement.why, words))))
 
 
 def decided_by(root: Path, notebook: str) -> list[Claim]:

@@ -162,7 +162,7 @@ def count(declared: Sequence[Choice], worlds: Sequence[World], held: Mapping[str
     """Count in which part of the worlds each claim held.
 
     held : claim -> one bool a world. Returns the numbers to record: `share.<claim>`, `count.<claim>`, the number of
-    worlds, and `part.<choice>.<group>.<claim>`.
+    worlds, `part.<choice>.<group>.<claim>`, and the settings that match most claims, see `_matching`.
     """
     numbers: dict[str, float] = {}
     for claim, outcomes in held.items():
@@ -173,6 +173,25 @@ def count(declared: Sequence[Choice], worlds: Sequence[World], held: Mapping[str
             for group in choice.groups:
                 if (groups == group).any():
                     numbers[f"part.{choice.id}.{group}.{claim}"] = float(outcome[groups == group].mean())
+    return numbers | _matching(declared, worlds, held)
+
+
+def _matching(
+    declared: Sequence[Choice], worlds: Sequence[World], held: Mapping[str, Sequence[bool]]
+) -> dict[str, float]:
+    """Find the worlds in which most claims hold together: which settings the authors can have used.
+
+    Returns `most.claims`, the largest number of claims that hold in one world; `most.worlds`, in how many worlds so
+    many do; and `most.<choice>.<group>`, the part of these worlds with this option.
+    """
+    if not held:
+        return {}
+    together = np.sum([np.asarray(outcomes, dtype=int) for outcomes in held.values()], axis=0)
+    best = [world for world, number in zip(worlds, together, strict=True) if number == together.max()]
+    numbers: dict[str, float] = {"most.claims": int(together.max()), "most.worlds": len(best)}
+    for choice in declared:
+        chosen = [choice.group(world[choice.id]) for world in best]
+        numbers |= {f"most.{choice.id}.{group}": chosen.count(group) / len(best) for group in choice.groups}
     return numbers
 
 

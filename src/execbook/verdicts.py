@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from execbook import contents, display, runfolder
-from execbook.claims import Judgement, Metrics, decided_by, judge, judge_paper
+from execbook.claims import Judgement, Metrics, decided_by, judge, judge_paper, recorded
 from execbook.errors import Fault, Misuse
 from execbook.ledger import Claim, Verdict, papers
-from execbook.multiverse import READINGS
+from execbook.multiverse import READINGS, choices
 
 HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 _BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
@@ -192,6 +192,25 @@ def _linked(paper: str, judgement: Judgement, here: str) -> list[str]:
         moved = f"Until {past.until}: {past.verdict.replace('-', ' ')}; {past.reason}"
         small.append(escaped(moved.rstrip(".")) + ".")
     return [f'<span id="claim-{claim.id}"></span>{says}<br><small>{" ".join(small)}</small>', printed, ours, verdict]
+
+
+def settled(root: Path) -> tuple[list[str], list[list[str]]]:
+    """Rank what the papers leave open by the number of claims that it decides: header and rows."""
+    header = ["Paper", "What is not said", "Where", "Decides", "Claims", "Where most claims hold together"]
+    rows = []
+    for paper in papers(root):
+        if not (root / "book" / paper / "readings.yml").is_file():
+            continue
+        judged, numbers = judge_paper(root, paper), recorded(root, f"{paper}/{READINGS}") or {}
+        for choice in choices(root, paper):
+            decided = [j.claim.id for j in judged if j.share and j.share.decided_by == choice.id]
+            key = re.compile(rf"most\.(?:\d+\.)?{choice.id}\.([a-z0-9-]+)")
+            match = {m[1]: entry["value"] for name, entry in numbers.items() if (m := key.fullmatch(name))}
+            parts = ", ".join(f"{g} {round(100 * p)}{display.NBSP}%" for g, p in sorted(match.items()) if p)
+            names = ", ".join(f"[{name}](/{paper}/index.md#claim-{name})" for name in decided)
+            title = f"[{contents.title(root, f'{paper}/index')}](/{paper}/{READINGS}.md)"
+            rows.append([title, escaped(choice.asks), escaped(choice.passage), str(len(decided)), names, parts])
+    return header, sorted(rows, key=lambda row: -int(row[3]))
 
 
 def escaped(text: str) -> str:

@@ -6,7 +6,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from execbook import claims, ledger, multiverse, verdicts
+from execbook import blocks, claims, ledger, multiverse, verdicts
 from execbook.errors import Fault, Misuse
 
 BASE = {
@@ -381,6 +381,55 @@ def test_controls_and_errata_have_no_verdict_and_are_not_counted(toy):
     assert "| 2 | 2 | 0 |" in verdicts.summary_markdown(toy)
     assert [verdicts.outcome(j) for j in (own, sign)] == ["does not hold", "erratum"]
     assert [e["verdict"] for e in verdicts.as_json(toy, "toy")] == ["reproduced", "reproduced", None, None]
+
+
+def test_a_failure_is_told_to_what_rests_on_it(toy):
+    path = toy / "book" / "toy" / "claims.yml"
+    last = "- {id: last, where: x, source: x, says: x, reason: lost, verdict: not-testable, requires: [steeper]}\n"
+    path.write_text(path.read_text().replace("  verdict", "  requires: [mean]\n  verdict") + last)
+    path.write_text(path.read_text().replace("  requires: [mean]\n", "", 1))  # the first rests on nothing
+    write_metrics(toy, 48.0)
+    mean, steeper, last = claims.judge_paper(toy, "toy")
+    assert mean.verdict == "not-reproduced" and "rests on" not in mean.why
+    assert steeper.verdict == "reproduced" and steeper.why == "rests on mean, which is not reproduced"
+    assert last.why == "lost; rests on mean, which is not reproduced"  # at one remove
+
+
+READINGS = """
+- {id: slope, asks: how steep is it?, passage: section 2, default: 2, range: [1, 3]}
+- id: sign
+  asks: which way does it go?
+  passage: section 3
+  default: up
+  options: [{id: up, says: upwards}, {id: down, says: downwards}]
+"""
+SHARES = {
+    "share.mean": 0.5, "count.mean": 100, "part.sign.up.mean": 1.0, "part.sign.down.mean": 0.0,
+    "part.slope.below.mean": 0.5, "part.slope.above.mean": 0.5, "most.claims": 1, "most.worlds": 50,
+    "most.sign.up": 1.0, "most.sign.down": 0.0, "most.slope.below": 0.48, "most.slope.above": 0.52,
+}  # fmt: skip
+
+
+def test_what_a_paper_leaves_open_is_ranked_by_what_it_decides(toy):
+    (toy / "book" / "toy" / "readings.yml").write_text(READINGS)
+    write_metrics(toy, 49.0)
+    path = toy / "book" / "_build" / "metrics" / "toy" / "90-readings.json"
+    path.write_text(json.dumps({key: {"value": value, "unit": ""} for key, value in SHARES.items()}))
+    mean = claims.judge_paper(toy, "toy")[0]
+    assert mean.verdict == "depends-on-the-reading" and mean.share.decided_by == "sign"
+    assert verdicts.outcome(mean) == "depends on the reading, 50\u00a0%"
+    assert verdicts.row(mean)[4].endswith(
+        "holds in 50\u00a0% of 100 readings; sign decides (up 100\u00a0%, down 0\u00a0%)"
+    )
+    entry = verdicts.as_json(toy, "toy")[0]
+    assert (entry["share"], entry["decided_by"], entry["verdict"]) == (0.5, "sign", "depends-on-the-reading")
+    _, (first, second) = verdicts.settled(toy)
+    assert first[1:] == [
+        "which way does it go?", "section 3", "1", "[mean](/toy/index.md#claim-mean)", "up 100\u00a0%",
+    ]  # fmt: skip
+    assert second[3:] == ["0", "", "above 52\u00a0%, below 48\u00a0%"]
+    assert "depends on the reading, 50\u00a0%" in blocks.fill("<!-- verdicts: toy -->", toy)
+    assert "which way does it go?" in blocks.fill("<!-- settled -->", toy)
 
 
 RULES = """

@@ -96,6 +96,16 @@ def test_the_first_split_of_a_tree(groups, part, decides):
     assert multiverse._decisive(groups, 100, part) == decides
 
 
+def test_settings_that_match_most_claims(declared):
+    worlds = [{"world": k, "smoother": s, "height": h} for k, (s, h) in enumerate(
+        [("smoothed", 450.0), ("smoothed", 490.0), ("filtered", 450.0), ("filtered", 490.0)], 1)]  # fmt: skip
+    held = {"a": [True, True, False, False], "b": [True, True, True, False], "c": [False, False, True, False]}
+    numbers = multiverse.count(declared, worlds, held)
+    assert (numbers["most.claims"], numbers["most.worlds"]) == (2, 3)
+    assert numbers["most.smoother.smoothed"] == pytest.approx(2 / 3)
+    assert numbers["most.height.below"] == pytest.approx(2 / 3)
+
+
 def test_a_claim_whose_numbers_no_world_gives_has_no_share(declared):
     other = CLAIM.model_copy(update={"id": "other", "metric": "toy/01-line:mean"})
     assert multiverse.survived(lambda c, t: claims.judge(c, t).holds, [other], [run({"smoother": "filtered"})]) == {}

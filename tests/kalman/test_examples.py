@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from geokalman import kalman, leastsquares
+from geokalman.physics import harmonics
 
 MODULES = [importlib.import_module(f"geokalman.kalman.{found.name}") for found in pkgutil.iter_modules(kalman.__path__)]
-MODULES += [kalman, leastsquares]
+MODULES += [kalman, leastsquares, harmonics]
 KERNELS = ("geokalman.kalman.dense", "geokalman.kalman.loop")
 
 

@@ -1,4 +1,4 @@
-"""Spherical harmonics of the Earth's gravity field: the field itself, its spectrum, its smoothing, its geoid."""
+"""Spherical harmonics of a gravity field: its spectrum, smoothing and geoid."""
 
 from __future__ import annotations
 
@@ -39,28 +39,18 @@ GAUSSIAN_CUT = 1e-7
 def load_field(
     name_or_path: str | os.PathLike = "EGM96", n_max: int | None = None, body: Body | None = None
 ) -> GravityField:
-    """A vendored gravity field by name (`EGM96`, `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`; empty is `EGM96`)
-    or any ICGEM `.gfc` file by its path.
+    """Load a vendored gravity field by name, or any ICGEM file by path.
 
-    Parameters
-    ----------
-    name_or_path : name of a vendored field, in any case, or path of a `.gfc` (`.gfc.gz`) file.
-    n_max : degree and order to which the field is wanted; None for all of it.
-    body : whose field it must be, e.g. `field.EARTH`; None for any.
+    name_or_path : `EGM96` (also the empty name), `JGM3`, `GMM2B` of Mars, `GRACE-FO-2020-03`, `-06`, in any case; or a
+    `.gfc` (`.gfc.gz`) file. n_max : degree and order to which it is wanted, None for all. body : whose field it must
+    be, such as `field.EARTH`, None for any.
+    Raises ValueError for n_max below 2 or above the field's degree and for a field of another body; GfcError (a
+    ValueError), with file and line, for a damaged file; FileNotFoundError; geokalman.data.CorruptedData where a
+    vendored field fails its checksum.
 
-    Returns
-    -------
-    GravityField
-
-    Raises
-    ------
-    ValueError
-        n_max below 2 or above the field's degree, a field of another body; GfcError (a ValueError), with file and
-        line, where the file is damaged or that of another body.
-    FileNotFoundError
-        Neither a name nor a file.
-    geokalman.data.CorruptedData
-        A vendored field that fails its checksum.
+    >>> field = load_field("EGM96", n_max=2)
+    >>> field.C.shape, round(field.C[2, 0].item() * 1e6, 3)
+    ((3, 3), -484.165)
     """
     text = os.fspath(name_or_path) or "EGM96"
     vendored = (VENDORED | MONTHLY).get(text.upper())
@@ -75,20 +65,13 @@ def load_field(
 
 
 def degree_variance(C: ArrayLike, S: ArrayLike) -> Array:
-    """Degree variances DV(n) = sum_m (C_nm^2 + S_nm^2), equation (54) of Sharifi et al. (2019).
+    """Compute degree variances, DV(n) = sum_m (C_nm^2 + S_nm^2).
 
-    Parameters
-    ----------
-    C, S : (..., N+1, N+1) fully normalised coefficients
+    C, S : (..., N+1, N+1) fully normalised coefficients. Returns (..., N+1), dimensionless, index n from 0.
+    Raises ValueError where C and S have not one shape. Source: grace-fusion (54).
 
-    Returns
-    -------
-    (..., N+1) float64, dimensionless, index n from 0
-
-    Raises
-    ------
-    ValueError
-        Where C and S have not one shape (..., N+1, N+1).
+    >>> degree_variance(np.eye(2), np.eye(2)).tolist()
+    [2.0, 2.0]
     """
     C, S = np.asarray(C, dtype=float), np.asarray(S, dtype=float)
     if C.shape != S.shape or C.ndim < 2 or C.shape[-1] != C.shape[-2]:
@@ -97,36 +80,36 @@ def degree_variance(C: ArrayLike, S: ArrayLike) -> Array:
 
 
 def error_degree_variance(dC: ArrayLike, dS: ArrayLike) -> Array:
-    """Degree variances of coefficient errors, sum_m (dC_nm^2 + dS_nm^2): true errors or standard deviations."""
+    """Compute degree variances of errors or standard deviations, sum_m (dC_nm^2 + dS_nm^2).
+
+    >>> error_degree_variance(np.eye(2), np.zeros((2, 2))).tolist()
+    [1.0, 1.0]
+    """
     return degree_variance(dC, dS)
 
 
 def degree_amplitude(variance: ArrayLike, radius: float) -> Array:
-    """Geoid amplitude of each degree, R sqrt(DV(n)) [m], from degree variances (..., N+1) and R [m]."""
+    """Compute the geoid amplitude of each degree, R sqrt(DV(n)) [m].
+
+    variance : (..., N+1) degree variances; radius : R [m].
+
+    >>> degree_amplitude([4e-14], 6.0e6).tolist()
+    [1.2]
+    """
     return radius * np.sqrt(np.asarray(variance, dtype=float))
 
 
 def gaussian_weights(n_max: int, radius_km: float) -> Array:
-    """Weights W_n of Gaussian smoothing, W_0 = 1, by Jekeli's recursion.
+    """Compute the weights W_n of Gaussian smoothing, W_0 = 1, by Jekeli's recursion.
 
     b = ln 2 / (1 - cos(r / 6371 km)), W_1 = (1 + e^-2b)/(1 - e^-2b) - 1/b, W_(n+1) = -(2n+1)/b W_n + W_(n-1),
-    set to zero from the first weight below 1e-7 on, because the recursion is unstable there.
+    zero from the first weight below 1e-7 on, because the recursion is unstable there.
+    n_max : highest degree; radius_km : distance at which the kernel has fallen to one half [km], 0 for no smoothing.
+    Returns (n_max + 1,). Raises ValueError for a radius that is negative, not finite, or longer than half the
+    circumference. Source: Jekeli (1981), OSU report 327, (59)-(63); Wahr, Molenaar & Bryan (1998), (34).
 
-    Parameters
-    ----------
-    n_max : highest degree
-    radius_km : distance at which the kernel has fallen to one half [km]; 0 is no smoothing
-
-    Returns
-    -------
-    (n_max+1,) float64
-
-    Raises
-    ------
-    ValueError
-        For a radius that is negative, not finite, or longer than half the circumference.
-
-    Source: Jekeli (1981), OSU report 327, equations 59 to 63; Wahr, Molenaar & Bryan (1998), equation 34.
+    >>> gaussian_weights(2, 0.0).tolist()
+    [1.0, 1.0, 1.0]
     """
     angle = radius_km * 1e3 / R_MEAN_EARTH
     if not 0.0 <= angle <= math.pi:
@@ -148,25 +131,18 @@ def gaussian_weights(n_max: int, radius_km: float) -> Array:
 def geoid_difference(
     dC: ArrayLike, dS: ArrayLike, radius: float, step_deg: float = 0.5, gauss_km: float = 0.0
 ) -> Array:
-    """Geoid height of coefficient differences on a cell-centred global grid, smoothed with a Gaussian.
+    """Compute the smoothed geoid of coefficient differences on a cell-centred global grid.
 
     dN = R sum_n W_n sum_m (dC_nm cos m lambda + dS_nm sin m lambda) P_nm(sin phi)
+    dC, dS : (N+1, N+1) differences of fully normalised coefficients; radius : R [m]; step_deg : size of a cell [deg];
+    gauss_km : Gaussian radius [km], 0 for no smoothing. Returns (180/step, 360/step) [m]; rows and columns as in
+    `cell_centred_grid`, from the south-west. Raises ValueError as `cell_centred_grid`, `gaussian_weights` and
+    `synthesis` do.
 
-    Parameters
-    ----------
-    dC, dS : (N+1, N+1) differences of fully normalised coefficients
-    radius : reference radius R [m]
-    step_deg : size of a cell [deg]
-    gauss_km : Gaussian radius [km]; 0 is no smoothing
-
-    Returns
-    -------
-    (180/step, 360/step) float64 [m]; rows and columns as in `cell_centred_grid`, from the south-west
-
-    Raises
-    ------
-    ValueError
-        As `cell_centred_grid`, `gaussian_weights` and `synthesis` do.
+    >>> dC = np.zeros((3, 3))
+    >>> dC[0, 0] = 1e-9
+    >>> geoid_difference(dC, np.zeros((3, 3)), 6.0e6, step_deg=90.0).round(4).tolist()[0]
+    [0.006, 0.006, 0.006, 0.006]
     """
     dC, dS = np.asarray(dC, dtype=float), np.asarray(dS, dtype=float)
     lat, lon = cell_centred_grid(step_deg)
@@ -174,7 +150,7 @@ def geoid_difference(
 
 
 def _read_npz(path: os.PathLike) -> GravityField:
-    """A field in the compact form of `data/scripts/make_egm96.py`: lower triangles, row by row."""
+    """Read the lower triangles that `data/scripts/make_egm96.py` stores row by row."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             rows, columns = np.tril_indices(int(stored["n_max"]) + 1)
