@@ -25,7 +25,7 @@ from geokalman.kalman.gaussian import Trajectory
 from geokalman.kalman.linear import predict_step, rows_seen, update_step
 from geokalman.kalman.robust import FLOOR, equivalent_weights_step, igg3, thresholds
 from geokalman.pulsar.dynamics import Force
-from geokalman.pulsar.estimate import Estimate, Tuning, _require_orbit, propagate_loop
+from geokalman.pulsar.estimate import Estimate, Tuning, propagate_loop, require_orbit
 from geokalman.pulsar.model import STEP, Array, Belief
 from geokalman.pulsar.observations import Observations
 
@@ -83,7 +83,7 @@ def run(
         np.r_[0.0, data.t][:done], mean[0, :done], cov[0, :done], mean[1, :done], cov[1, :done],
         np.vstack([start, whitened])[:done], Phi, Q, np.arange(done - 1),
     )  # fmt: skip
-    _require_orbit(course, data, force)
+    require_orbit(course, data, force)
     if failed >= 0:
         raise NotPositiveDefinite(
             "innovation covariance", failed, float(data.t[failed - 1]), "it lost its root", course

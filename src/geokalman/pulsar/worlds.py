@@ -1,7 +1,8 @@
 """The claims of the paper in one of its readings: a world of `readings.yml`, flown for two days with a single seed.
 
 A world gives the numbers that decide claims under the names of the pages that record them; a page's name with a
-variant in it (`aekf1_prw`, `aekf2_15_25`) then holds the filter as the world reads it.
+variant in it (`aekf1_prw`, `aekf2_15_25`) then holds the filter as the world reads it. "Three at once" are the
+accurate pulsars: with the fourth, far from the equator, in the worlds that have it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from geokalman.physics import mars
-from geokalman.pulsar import assess, catalogue, experiment, simulate
+from geokalman.pulsar import assess, catalogue, simulate
 from geokalman.pulsar.assess import Score
 from geokalman.pulsar.dynamics import j2_force
 from geokalman.pulsar.estimate import DIVERGED, Diverged, Estimate, Tuning
@@ -76,6 +77,7 @@ def _trials(world: Mapping[str, str | float], days: float) -> tuple[Experiment, 
         base, world=replace(base.world, error=(1000.0, 0.5)), belief=replace(base.belief, p0=START[world["start"]])
     )
     factor, cycle = FACTOR[world["factor"]], (1, 2, 3)
+    accurate = (*cycle, POLAR[0] + 1) if world["pulsars"] == "polar" else cycle
     tuning = Tuning(*factor)
     weighting = Weighting(world["weights"], (1.5, 2.5), factor)
     four = {
@@ -89,7 +91,7 @@ def _trials(world: Mapping[str, str | float], days: float) -> tuple[Experiment, 
         for name, pair in FACTOR.items()
         if name != world["factor"]
     }
-    sets = {"aekf1 123": replace(four["aekf1"], pulsars=cycle)}
+    sets = {"aekf1 123": replace(four["aekf1"], pulsars=accurate)}
     sets |= {f"{label} cycle": replace(four[label], order=cycle) for label in ("aekf1", "aekf2", "raekf")}
     then = four | {"aekf1": Method(AEKF1[world["aekf1-start"]], tuning)}
     made = []
@@ -159,12 +161,7 @@ def _wrong_start(
     }
     later = {label: method for label, method in clean.methods.items() if label not in before}
     before = before | {label: _score(clean, method, data, world) for label, method in later.items()}
-    matched, numbers = before["ekf"], {}
-    if world["second-experiment"] == "same":
-        plain = experiment.Experiment(
-            clean.mission, preset("B"), *_flight(world["node"], 0.0, clean.mission.days), {}, occulted=clean.occulted
-        )
-        matched = _score(plain, Method("ekf"), _observe(plain, world, seed), world)
+    numbers = {}
     for label, key in (("ekf", "ekf"), ("aekf1", "aekf1_pr3"), ("aekf2", "aekf2_15_25"), ("raekf", "raekf_15_25")):
         numbers[f"{_START}a.{key}.rms.3d"] = scores[label].d3
     errors = [s.d3 for s in scores.values()]
@@ -179,7 +176,6 @@ def _wrong_start(
         f"{_START}similar.ratio": max(ratios),
         f"{_START}a.aekf1_pr3.last.max": float(scores["aekf1"].last),
         f"{_START}b.aekf1_pr3.rms.3d": before["aekf1"].d3,
-        f"{_START}b.ekf.velocity": max(matched.vx, matched.vy, matched.vz),
         "mars-pulsar/06-figures12:after100.position.max": position,
         "mars-pulsar/06-figures12:after100.velocity.max": velocity,
     }
