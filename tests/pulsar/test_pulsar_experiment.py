@@ -88,8 +88,9 @@ def test_a_filter_that_diverges_says_where_and_why_and_is_no_number(day):
     lost = Experiment(day.mission, preset("A", p0=(1e9, 1.0)), day.flight, day.force, {"ekf": Method("ekf")}, first=10)
     runs = experiment.ensemble(lost, 0, 2)["ekf"]
     assert [(r.epoch, "sigma" in r.why) for r in runs] == [(1, True), (1, True)]
-    assert assess.kept(runs) == []
+    assert assess.kept(runs) == [] and np.isnan(assess.distance(runs))
     good = assess.Score(*(np.full(len(assess.Score._fields), 1.0)))
+    assert assess.distance([good, runs[0]]) == 1.0
     for statistic in (assess.mean, assess.spread):
         with pytest.raises(ValueError, match="run 2 of 2 has no score: the filter diverged at epoch k = 1: a position"):
             statistic([good, runs[0]])

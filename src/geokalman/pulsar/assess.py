@@ -84,6 +84,12 @@ def kept(scores: Sequence[Score | Diverged]) -> list[Score]:
     return [score for score in scores if isinstance(score, Score)]
 
 
+def distance(scores: Sequence[Score | Diverged]) -> float:
+    """Give the mean 3-D RMS [m] of the runs that were not stopped, NaN where all were."""
+    rest = kept(scores)
+    return mean(rest).d3 if rest else np.nan
+
+
 def _numbers(scores: Sequence[Score | Diverged]) -> Array:
     """Put scores into an array (runs, fields). Raises ValueError for none, or one stopped."""
     if not scores:

@@ -144,12 +144,12 @@ def filtered(
     except (NotPositiveDefinite, Stopped) as error:
         if error.course is None:
             raise
-        _require_orbit(error.course, data, force)
+        require_orbit(error.course, data, force)
         if isinstance(error, Stopped):
             raise Diverged(error.epoch, "its state is not finite") from None
         later = error.matrix == "filtered covariance"  # sigma points of the next epoch were to be drawn from it
         raise Diverged(error.epoch + later, "its covariance lost its root") from None
-    _require_orbit(course, data, force)
+    require_orbit(course, data, force)
     alpha = course.alpha[1:] if adaptive else np.ones(len(data.t))
     weights = course.weights[1:] if adaptive else np.where(np.isnan(data.z), np.nan, 1.0)
     skipped = np.isnan(alpha)
@@ -168,7 +168,7 @@ def smooth(forward: Estimate) -> Estimate:
     return replace(forward, x=smoothed.mean[1:, :6], P=smoothed.cov[1:, :6, :6])
 
 
-def _require_orbit(course: Trajectory, data: Observations, force: Force) -> None:
+def require_orbit(course: Trajectory, data: Observations, force: Force) -> None:
     """Raise Diverged for the first prediction, if any, that is not that of an orbiter."""
     x, P = course.predicted_mean[1:], course.predicted_cov[1:]
     with np.errstate(all="ignore"):

@@ -13,13 +13,14 @@ import numpy as np
 from geokalman import progress
 from geokalman.kalman.consistency import monte_carlo
 from geokalman.physics.field import GravityField
-from geokalman.pulsar import accelerations, assess, estimate, simulate
+from geokalman.pulsar import accelerations, assess, estimate, simulate, visibility, weighting
 from geokalman.pulsar.assess import Score
-from geokalman.pulsar.dynamics import Force, j2_force
+from geokalman.pulsar.dynamics import RADIUS, Force, j2_force
 from geokalman.pulsar.estimate import Diverged, Estimate, Tuning
 from geokalman.pulsar.model import Array, Belief, Mission, Preset
 from geokalman.pulsar.observations import Observations
 from geokalman.pulsar.simulate import Truth
+from geokalman.pulsar.weighting import Weighting
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Method:
 
     tuning, belief, force : instead of the experiment's; smoothed : followed by the RTS smoother; order : it sees one
     pulsar an epoch, in this cycle; pulsars : it sees these alone; r_factor : the R it assumes over the true one;
-    empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states.
+    empirical : (sigma [m s^-2], tau [s]) of three accelerations beside its states; weighting : RAEKF in another reading
+    than that of its kind.
     """
 
     kind: str
@@ -40,13 +42,15 @@ class Method:
     pulsars: tuple[int, ...] = ()
     r_factor: float = 1.0
     empirical: tuple[float, float] | None = None
+    weighting: Weighting | None = None
 
 
 @dataclass(frozen=True)
 class Experiment:
     """A flight, how it is observed, and the filters that are tried on each seed.
 
-    Called with a Generator it gives label -> Score, or label -> Diverged with epoch and reason where a filter stopped.
+    occulted : pulsars behind Mars are not observed. Called with a Generator it gives label -> Score, or
+    label -> Diverged with epoch and reason where a filter stopped.
     """
 
     mission: Mission
@@ -59,6 +63,7 @@ class Experiment:
     outlier_size: float = 10.0
     bias: simulate.Bias = "white"
     first: int = assess.SETTLED
+    occulted: bool = False
 
     def __call__(self, rng: np.random.Generator) -> dict[str, Score | Diverged]:
         data = self.observe(rng)
@@ -73,7 +78,10 @@ class Experiment:
     def observe(self, rng: np.random.Generator) -> Observations:
         """Observe the flight with the noise of one seed."""
         options = self.outlier_fraction, self.outlier_size, self.bias
-        return simulate.observe(self.flight, self.mission, self.preset.world, rng, *options)
+        data = simulate.observe(self.flight, self.mission, self.preset.world, rng, *options)
+        if self.occulted:
+            data = data.masked(visibility.hidden(self.flight.x[:, :3], data.H, self.force.head[RADIUS]))
+        return data
 
     def estimate(self, method: Method, data: Observations) -> Estimate:
         """Filter the observations by a method. Raises Diverged."""
@@ -85,6 +93,8 @@ class Experiment:
         belief, force = method.belief or self.preset.belief, method.force or self.force
         if method.empirical:
             return accelerations.run(data, self.start(), belief.P0, force, *method.empirical)
+        if method.weighting:
+            return weighting.run(data, self.start(), belief, force, method.weighting, method.tuning or self.tuning)
         R = np.diag(method.r_factor * data.variance)
         result = estimate.run(method.kind, data, self.start(), belief, force, method.tuning or self.tuning, R=R)
         return estimate.smooth(result) if method.smoothed else result

@@ -48,18 +48,25 @@ class World:
     """What is true of an experiment, unknown to its filters.
 
     mismatch : lambda of the true field, a = a_J2 + lambda (a_rich - a_J2): 0 is J2, 1 the rich field; sigma_scale : of
-    range and transfer noise; error : of every component of the initial estimate [m, m/s].
+    range and transfer noise; error : of every component of the initial estimate [m, m/s]; transfer_scale : of the
+    transfer noise, where it is not that of the ranges.
     Raises ValueError for a scale that is not positive and an error that is not finite.
     """
 
     mismatch: float = 0.0
     sigma_scale: float = 1.0
     error: tuple[float, float] = (0.0, 0.0)
+    transfer_scale: float | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(sigma_scale=self.sigma_scale)
+        _require_positive(sigma_scale=self.sigma_scale, transfer_scale=self.transfer)
         if not all(map(math.isfinite, self.error)):
             raise ValueError(f"error = {self.error} of the initial estimate must be finite.")
+
+    @property
+    def transfer(self) -> float:
+        """Factor of the transfer noise."""
+        return self.sigma_scale if self.transfer_scale is None else self.transfer_scale
 
 
 @dataclass(frozen=True)
@@ -141,7 +148,7 @@ def preset(name: str, **changes: Any) -> Preset:
     if name not in PRESETS:
         raise ValueError(f"preset {name!r} is unknown; the presets are {', '.join(PRESETS)}.")
     chosen, given = PRESETS[name], {key: value for key, value in changes.items() if value is not None}
-    world = {key: given.pop(key) for key in ("mismatch", "sigma_scale", "error") if key in given}
+    world = {key: given.pop(key) for key in ("mismatch", "sigma_scale", "error", "transfer_scale") if key in given}
     return replace(chosen, world=replace(chosen.world, **world), belief=replace(chosen.belief, **given))
 
 

@@ -75,20 +75,20 @@ def observe(
     """
     if not 0.0 <= outlier_fraction <= 1.0:
         raise ValueError(f"outlier_fraction = {outlier_fraction:g} is outside [0, 1].")
-    n, scale = len(flight.t), world.sigma_scale
-    directions, sigma = all_directions(), scale * all_sigmas()
+    n, transfer = len(flight.t), world.transfer * TRANSFER
+    directions, sigma = all_directions(), world.sigma_scale * all_sigmas()
     z = flight.x[:, :3] @ directions.T + rng.standard_normal((n, len(sigma))) * sigma
     if bias == "white":
-        z += CLOCK + rng.standard_normal(z.shape) * (scale * TRANSFER)
+        z += CLOCK + rng.standard_normal(z.shape) * transfer
     elif bias == "const":
-        z += CLOCK + scale * TRANSFER
+        z += CLOCK + transfer
     elif bias == "sign":
-        z += CLOCK + rng.choice([-1, 1], len(sigma)) * (scale * TRANSFER)
+        z += CLOCK + rng.choice([-1, 1], len(sigma)) * transfer
     if outlier_fraction > 0.0:
         mask = rng.random(z.shape) < outlier_fraction
         z += mask * rng.choice([-1, 1], z.shape) * outlier_size * sigma
     columns = mission.columns
-    variance = (sigma**2 + (scale * TRANSFER) ** 2)[columns]
+    variance = (sigma**2 + transfer**2)[columns]
     return Observations(flight.t, np.ascontiguousarray(z[:, columns]), mission.H(), variance)
 
 

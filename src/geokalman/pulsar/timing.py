@@ -3,7 +3,8 @@
 Roemer delay, parallax and the Sun's Shapiro delay: t_SSB = t + n.b/c + ((n.b)^2 - b^2)/(2 c D)
 + (2 GM_Sun/c^3) ln|n.b_S + |b_S||, with b (..., 3) [m] from the barycentre, b_S (..., 3) [m] from the Sun, n (3,) to
 the pulsar, D [m] its distance. Differences between the orbiter, r (..., 3) [m] from the centre of Mars, and that centre
-are formed without cancellation. Source: Sheikh (2005).
+are formed without cancellation. A clock that moves runs slow by its speed and its depth in the field of gravity: the
+Einstein delay. Source: Sheikh (2005); Moyer (1981), Celestial Mechanics 23, 33-56.
 """
 
 from __future__ import annotations
@@ -78,3 +79,27 @@ def near_sun(directions: Array, b_sun: Array, limit: float = CONJUNCTION) -> NDA
     b_sun : (n, 3), in the axes of the directions.
     """
     return np.column_stack([sun_angle(n, b_sun) for n in directions]) < limit
+
+
+def clock_drift(gm: float, a: float) -> float:
+    """Give the mean rate by which a clock on an ellipse about a body runs slow: (3/2) GM/(a c^2), without unit."""
+    return 1.5 * gm / (a * C_LIGHT**2)
+
+
+def clock_swing(gm: float, a: float, e: float) -> float:
+    """Give the amplitude [s] of the periodic part, 2 sqrt(GM a) e/c^2 sin E, with the eccentric anomaly E."""
+    return 2.0 * np.sqrt(gm * a) * e / C_LIGHT**2
+
+
+def clock_offset(t: Array, r: Array, v: Array, gm: float) -> Array:
+    """Integrate how much a clock runs slow [s]: (1/c^2) int (v^2/2 + GM/r) dt, by the trapezoidal rule.
+
+    t (n,) [s]; r, v (n, 3) [m, m/s] about the body of gm [m^3 s^-2].
+    """
+    rate = (0.5 * np.einsum("...i,...i", v, v) + gm / np.sqrt(np.einsum("...i,...i", r, r))) / C_LIGHT**2
+    return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
+
+
+def clock_place(v: Array, height: float) -> float:
+    """Give the largest v.r/c^2 [s] of a place r, `height` [m] from the centre of a body with velocities v (n, 3)."""
+    return float(np.sqrt(np.einsum("...i,...i", v, v)).max() * height / C_LIGHT**2)
