@@ -16,7 +16,7 @@ from geokalman.grace import worlds
 ROOT = project_root(Path(__file__).parent)
 CHOICES = multiverse.choices(ROOT, "grace-fusion")
 DEFAULT = multiverse.default(CHOICES)
-TINY = worlds.Scale(1.0, 4, 1, 10.0)
+TINY = worlds.Extent(1.0, 4, 1, 10.0)
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="days of orbit take hours in plain Python")
 
 
@@ -33,7 +33,7 @@ def test_the_default_world_gives_the_numbers_of_the_pages(function):
     Range-rates of two machines differ by the rounding of the orbits, 1e-10 m/s.
     """
     at = {"rates": worlds.rates_at, "field": worlds.field_at}[function]
-    numbers = at(worlds.Scale(5.0, 30, 1, 1.0), DEFAULT)
+    numbers = at(worlds.Extent(5.0, 30, 1, 1.0), DEFAULT)
     for key, value in numbers.items():
         assert value == pytest.approx(stored(key), rel=1e-3, abs=1e-10), key
 

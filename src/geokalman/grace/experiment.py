@@ -71,7 +71,7 @@ def consistency(
     return out
 
 
-class Tuned(NamedTuple):
+class Weighted(NamedTuple):
     """The weights with the smallest line-of-sight acceleration error, and that error [m/s^2]."""
 
     lambda_q: float
@@ -81,7 +81,7 @@ class Tuned(NamedTuple):
 
 def tuned(
     data: Observations, exact: Array, lambdas: Iterable[float], mus: Iterable[float], edge: int = 100
-) -> dict[str, Tuned]:
+) -> dict[str, Weighted]:
     """Tune the smoothers of positions alone and of positions with range-rates for accelerations, on a grid of weights.
 
     exact : (n,) line-of-sight gravity difference of the field [m/s^2], which no receiver knows: a bound, not a method.
@@ -93,6 +93,6 @@ def tuned(
         for lambda_q in weights:
             for mu in column:
                 los = method(data, Tuning(lambda_q=lambda_q, mu=mu)).smoothed.los
-                tried.append(Tuned(lambda_q, mu, assess.statistics(los - exact, edge).std))
+                tried.append(Weighted(lambda_q, mu, assess.statistics(los - exact, edge).std))
         out[name] = min(tried, key=lambda t: t.los_std)
     return out

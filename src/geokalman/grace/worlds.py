@@ -41,7 +41,7 @@ and six that fill heights of 440 to 500 km and separations of 160 to 280 km."""
 _REACH = (60.0, 19.7)  # widths of the ranges of semi-major axis [km] and lead time [s]
 
 
-class Scale(NamedTuple):
+class Extent(NamedTuple):
     """How large the worlds of `field` and `rates` are.
 
     days, n_max : span [d] and degree; every : of so many epochs one enters the normal equations; grid : spacing of the
@@ -54,8 +54,8 @@ class Scale(NamedTuple):
     grid: float = 2.0
 
 
-RATES, FIELD = Scale(3.0, 70), Scale(13.5, 70, 4)
-SMALL_RATES, SMALL_FIELD = Scale(1.0, 31), Scale(5.0, 31, 5)
+RATES, FIELD = Extent(3.0, 70), Extent(13.5, 70, 4)
+SMALL_RATES, SMALL_FIELD = Extent(1.0, 31), Extent(5.0, 31, 5)
 EDGE = 100
 
 
@@ -79,7 +79,7 @@ def small_field(world: World) -> dict[str, float]:
     return field_at(SMALL_FIELD, world)
 
 
-def rates_at(scale: Scale, world: World) -> dict[str, float]:
+def rates_at(scale: Extent, world: World) -> dict[str, float]:
     """`rates` at a scale; page and keys are those of 04-ukf."""
     scenario = Scenario(
         days=scale.days,
@@ -110,7 +110,7 @@ def rates_at(scale: Scale, world: World) -> dict[str, float]:
     return {f"grace-fusion/04-ukf:{key}": value for key, value in keys.items()}
 
 
-def field_at(scale: Scale, world: World) -> dict[str, float]:
+def field_at(scale: Extent, world: World) -> dict[str, float]:
     """`field` at a scale; pages and keys are those of 05-recovery and 06-geoid."""
     flown = _flown(nearest(world), scale)
     variant = Variant(world["estimate"], UPDATES[world["update"]], NOISE[world["noise"]])
@@ -176,7 +176,7 @@ class Flown(NamedTuple):
 
 
 @functools.lru_cache(maxsize=len(ORBITS))
-def _flown(index: int, scale: Scale) -> Flown:
+def _flown(index: int, scale: Extent) -> Flown:
     a_km, tau, raan, argp, m0 = ORBITS[index]
     scenario = replace(Scenario(days=scale.days, n_max=scale.n_max), a=1e3 * a_km, tau=tau, raan=raan, argp=argp, m0=m0)
     gravity = scenario.gravity()
@@ -187,8 +187,8 @@ def _flown(index: int, scale: Scale) -> Flown:
         _differentiated(_observed(orbit, gravity, noise, index), noise, los, rate)
     kept = slice(EDGE, len(orbit.t) - EDGE, scale.every)
     thinned = Truth(orbit.t[kept], orbit.A[kept], orbit.B[kept])
-    found = recover.coefficients(thinned, gravity, {name: series[kept] for name, series in los.items()}, edge=0)
-    errors = {name: (gravity.C - C, gravity.S - S) for name, (C, S) in found.items()}
+    solved = recover.coefficients(thinned, gravity, {name: series[kept] for name, series in los.items()}, edge=0)
+    errors = {name: (gravity.C - C, gravity.S - S) for name, (C, S) in solved.items()}
     std = {
         name: assess.statistics(assess.range_rate_residual(series, orbit), EDGE).std for name, series in rate.items()
     }
