@@ -336,7 +336,7 @@ def test_one_epoch_is_enough_for_a_filter(tiny):
     np.testing.assert_array_equal(found.smoothed.P, found.filtered.P)
 
 
-# --- errata of section 5 ---------------------------------------------------------------------------------------------
+# --- errata of the text ------------------------------------------------------------------------------------------------
 
 
 def test_erratum_sigma_points_are_2n_plus_1_and_their_weights():
@@ -361,7 +361,7 @@ def test_erratum_sigma_points_use_the_columns_of_a_root_of_n_plus_lambda_P():
 
 
 def test_erratum_27_plus_sign_makes_the_covariance_grow(short):
-    """P+ = P- + K Pee K' as printed: an observation that makes the state less certain."""
+    """P+ = P- + K Pee K' in the text we have: an observation that makes the state less certain."""
     Phi, Q = kinematic(30.0, Tuning().q(30.0))
     P = Phi @ short.prior_cov @ Phi.T + Q
     H, R = np.eye(3, 9), 1e-6 * np.eye(3)
@@ -371,6 +371,13 @@ def test_erratum_27_plus_sign_makes_the_covariance_grow(short):
     printed = P + K @ innovation.S @ K.T
     assert (np.linalg.eigvalsh(P - posterior.cov) > -1e-9 * P.max()).all()
     assert np.linalg.eigvalsh(P - printed).min() < -0.5 * P.max()
+
+
+def test_erratum_30_root_of_a_column():
+    """sqrt((n + lambda) p_i), p_i a column of P, as in the text we have: the points do not have covariance P."""
+    P = np.eye(9) + 0.5
+    chi = np.sqrt(11.0 * P)
+    assert np.abs(2 / 22 * chi @ chi.T - P).max() > P.max()
 
 
 def test_errata_39_41_need_process_and_observation_noise(short):

@@ -72,13 +72,14 @@ def test_range_relations_along_an_orbit(tiny):
 # --- errata of the range relations -----------------------------------------------------------------------------------
 
 
-def test_erratum_46_bracket_is_not_divided_by_rho_again(states):
-    """As printed, <dv, dr>/rho is divided by rho once more inside the bracket: that is no derivative of (45)."""
+def test_erratum_46_the_square_lacks_a_division_by_rho(states):
+    """In the text we have, <dv, dr>^2 is divided by rho once: that is no derivative of (45)."""
     dr, dv, da = states
     rho = distance(dr)
-    printed = (np.einsum("ij,ij->i", dv, dv) + np.einsum("ij,ij->i", dr, da) - (range_rate(dr, dv) / rho) ** 2) / rho
-    true = range_acceleration(dr, dv, da)
-    assert np.abs(printed - true).max() > 0.1 * np.abs(true).max()
+    square = np.einsum("ij,ij->i", dv, dr) ** 2
+    text = (np.einsum("ij,ij->i", dv, dv) + np.einsum("ij,ij->i", dr, da) - square / rho) / rho
+    right = range_acceleration(dr, dv, da)
+    assert np.abs(text - right).max() > 0.1 * np.abs(right).max()
 
 
 def test_erratum_47_is_dv_dv_not_dv_dr(states):
@@ -90,10 +91,10 @@ def test_erratum_47_is_dv_dv_not_dv_dr(states):
 
 
 def test_erratum_53_range_rate_has_velocities(states):
-    """As printed (53) has the relative acceleration where the velocity must stand."""
+    """The text we have puts the relative acceleration for all three vectors of (53)."""
     dr, dv, da = states
-    printed = np.einsum("ij,ij->i", dr, da) / distance(dr)
-    assert np.abs(printed - range_rate(dr, dv)).max() > 0.5 * np.abs(range_rate(dr, dv)).max()
+    text = np.einsum("ij,ij->i", da, da) / distance(da)
+    assert np.abs(text - range_rate(dr, dv)).max() > 0.5 * np.abs(range_rate(dr, dv)).max()
 
 
 # --- kinematic model (50), (51) --------------------------------------------------------------------------------------
@@ -121,14 +122,21 @@ def test_process_noise_composes():
     np.testing.assert_allclose(Phi @ Qa @ Phi.T + Qb, Q, rtol=1e-14)
 
 
-def test_erratum_50_misplaced_term():
-    """Printed with ten rows, h^2/2 in the velocity row: then two steps are not one."""
-    h, I = 15.0, np.eye(3)
+def test_erratum_50_a_row_too_many_and_a_misplaced_term():
+    """The ten rows of the text we have; without the first, h^2/2 of the first axis stands in the second one's column."""
 
-    def printed(h):
-        return np.block([[I, h * I, 0 * I], [0 * I, I, h**2 / 2 * I], [0 * I, 0 * I, I]])
+    def text(h):
+        rows = np.zeros((10, 9))
+        rows[0, 0] = h**2 / 2
+        rows[1:] = np.eye(9)
+        rows[[1, 2, 3, 4, 5, 6], [3, 4, 5, 6, 7, 8]] = h
+        rows[[1, 2, 3], [7, 7, 8]] = h**2 / 2
+        return rows
 
-    assert not np.allclose(printed(h) @ printed(h), printed(2 * h), rtol=1e-3)
+    h = 15.0
+    Phi, square = kinematic(h, 1.0)[0], text(h)[1:]
+    assert np.argwhere(square != Phi).tolist() == [[0, 6], [0, 7]]
+    assert not np.allclose(square @ square, text(2 * h)[1:], rtol=1e-3)
 
 
 # --- scenario --------------------------------------------------------------------------------------------------------

@@ -4,13 +4,13 @@
 id      how e . (g_A - g_B) is formed
 ======  ======================================================================================================
 X       exact, from the field (a control)
-N1      Newton: D9 D9 rho, with D9 rho and dv = D9 dr (the paper's "Newton")
+N1      Newton: D9 D9 rho, with D9 rho and dv = D9 dr
 N2      Newton with one second derivative: D2_9 rho, with D9 rho and dv = D9 dr
-E0      the causal filter's own e . da, no smoother (the paper read literally)
-E1      EKF + RTS: D9 of the smoothed range-rate, smoothed rho and dv (the paper's "EKF")
+E0      the causal filter's own e . da, no smoother
+E1      EKF + RTS: D9 of the smoothed range-rate, smoothed rho and dv
 E2      EKF + RTS: the smoothed state's own e . da
 U1      UKF + RTS: D9 of the smoothed range-rate, smoothed rho and dv
-U2      UKF + RTS: the smoothed state's own e . da (the paper's "UKF")
+U2      UKF + RTS: the smoothed state's own e . da
 K0      exact rho, rate and dv, range-acceleration by D9 (a control: what a perfect K-band would give)
 P2      EKF + RTS with the weight of E0, e . da: positions alone, weighted for accelerations
 B11     degree-11 splines of the exact rate and of dr: better mathematics instead of a filter
@@ -32,7 +32,7 @@ from geokalman.physics.field import GravityField
 
 IDS = ("X", "N1", "N2", "E0", "E1", "E2", "U1", "U2", "K0", "B11", "P2")
 PAPER = ("N1", "E1", "U2")
-"""The paper's three methods under the default interpretation."""
+"""The mix of our first edition, which gives the paper's Figure 5 best and which no sentence of the text supports."""
 
 
 def exact(orbit: Truth, gravity: GravityField) -> Array:
@@ -91,3 +91,12 @@ def observables(
             dv = spline_derivative(orbit.dr, orbit.dt, 11)
             out["B11"] = los_gravity(rho, rate, spline_derivative(rate, orbit.dt, 11), dv)
     return {name: out[name] for name in wanted}
+
+
+def companions(orbit: Truth, farther: GravityField, data: Observations, fused: Tuning) -> dict[str, Array]:
+    """Two series (n,) [m/s^2] beside the observables.
+
+    omission: exact gravity difference of a field that goes on beyond the degree recovered, at the same positions.
+    Q2: the UKF's own e . da with the weights `fused`, tuned for accelerations as those of P2 are.
+    """
+    return {"omission": exact(orbit, farther), "Q2": estimate.ukf(data, fused).smoothed.los}
