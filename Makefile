@@ -15,10 +15,12 @@ P ?=
 QUICK ?=
 OUT ?=
 MUTANTS ?=
+PAPER ?=
+SIZE ?=
 REASON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check reference portable run notebooks lab bench coverage mutants picture lock clean
+.PHONY: help env book test check reference portable run notebooks lab bench coverage mutants multiverse picture lock clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "%-12s%s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -51,6 +53,10 @@ portable: env ## compute in all settings of this machine and widen the stored sp
 run: env ## one notebook with other parameters: make run NB=grace-fusion/04-ukf P="days=5 mu=3" [QUICK=1] [OUT=DIR]
 	@test -n "$(NB)" || { $(BIN)/geokalman list; echo 'Name one of these notebooks, as in: make run NB=grace-fusion/04-ukf P="days=5 mu=3"'; exit 2; }
 	@$(BIN)/geokalman run $(NB) $(P) $(if $(QUICK),--quick) $(if $(OUT),--out "$(OUT)")
+
+multiverse: env ## judge the claims of a paper in more readings of it: make multiverse PAPER=grace-fusion [SIZE=500]
+	@test -n "$(PAPER)" || { echo 'Name a paper, as in: make multiverse PAPER=grace-fusion SIZE=500'; exit 2; }
+	@$(BIN)/geokalman multiverse $(PAPER) $(if $(SIZE),--size $(SIZE))
 
 notebooks: env ## plain .ipynb twins of the notebooks, for Jupyter and papermill
 	@$(BIN)/geokalman notebooks

@@ -7,7 +7,15 @@ import os
 from docutils import nodes
 from sphinx.transforms import SphinxTransform
 
-_VERDICTS = {"reproduced", "calibrated", "under-interpretation", "not-reproduced", "not-testable"}
+_VERDICTS = (
+    "reproduced",
+    "depends on the reading",
+    "calibrated",
+    "not reproduced",
+    "not testable",
+    "holds",
+    "does not hold",
+)
 
 
 class DarkTwin(SphinxTransform):
@@ -40,11 +48,12 @@ class VerdictBadge(SphinxTransform):
     def apply(self) -> None:
         for entry in [e for body in self.document.findall(nodes.tbody) for e in body.findall(nodes.entry)]:
             word = entry.astext().strip()
-            if word not in _VERDICTS:
+            verdict = word.partition(",")[0]  # its share of the readings may follow
+            if verdict not in _VERDICTS:
                 continue
             paragraph = next(iter(entry.findall(nodes.paragraph)), None)
             if paragraph is not None:
-                paragraph[:] = [nodes.inline("", word, classes=["verdict", f"verdict-{word}"])]
+                paragraph[:] = [nodes.inline("", word, classes=["verdict", f"verdict-{verdict.replace(' ', '-')}"])]
                 self._name_cells(entry.parent.parent.parent)
 
     @staticmethod

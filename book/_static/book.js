@@ -27,3 +27,37 @@ function linkFigures() {
   }
 }
 window.addEventListener("DOMContentLoaded", linkFigures);
+
+// The page with all claims: boxes for part and verdict hide the other rows.
+function filterClaims() {
+  const tables = [...document.querySelectorAll("table.claims")];
+  if (!document.querySelector("#all-claims") || !tables.length) return;
+  const parts = tables.map((table) => table.closest("section"));
+  const names = parts.map((section) => section.querySelector("h2").firstChild.textContent.trim());
+  const word = (row) => row.querySelector(".verdict").textContent.split(",")[0];
+  const rows = tables.flatMap((table) => [...table.querySelectorAll("tbody tr")]);
+  const chooser = (title, options) => {
+    const label = document.createElement("label");
+    const select = document.createElement("select");
+    for (const option of ["all", ...options]) select.add(new Option(option));
+    label.append(`${title} `, select);
+    return [label, select];
+  };
+  const [partLabel, part] = chooser("Paper", names);
+  const [wordLabel, verdict] = chooser("Verdict", [...new Set(rows.map(word))]);
+  const count = document.createElement("output");
+  const apply = () => {
+    parts.forEach((section, k) => (section.hidden = part.value !== "all" && part.value !== names[k]));
+    for (const row of rows) row.hidden = verdict.value !== "all" && word(row) !== verdict.value;
+    const shown = rows.filter((row) => !row.hidden && !row.closest("section").hidden).length;
+    count.textContent = `${shown} of ${rows.length} claims`;
+  };
+  const box = document.createElement("div");
+  box.className = "claim-filter";
+  box.append(partLabel, wordLabel, count);
+  parts[0].before(box);
+  part.addEventListener("change", apply);
+  verdict.addEventListener("change", apply);
+  apply();
+}
+window.addEventListener("DOMContentLoaded", filterClaims);

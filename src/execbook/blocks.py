@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from execbook import claims, display, notebooks, reference, runfolder, sources, verdicts
+from execbook import claims, contents, display, ledger, notebooks, reference, runfolder, sources, verdicts
 from execbook.errors import Fault
 
 _LINE = re.compile(r"^<!--\s*([a-z-]+)\s*(?::\s*(\S+)\s*)?-->[ \t]*$", re.M)
@@ -71,7 +71,7 @@ def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Give claims in columns that fit a page: a reason stands small below what the paper says."""
     shown, lines = [name for name in header if name != "Why"], []
     for row in rows:
-        told = dict(zip(header, (re.sub(r"([\\*_\[\]<>$\{}#~^`])", r"\\\1", text) for text in row), strict=True))
+        told = dict(zip(header, map(verdicts.escaped, row), strict=True))
         if why := told.pop("Why", ""):
             told[shown[0]] += f"<br><small>{why}</small>"
         lines.append(list(told.values()))
@@ -79,9 +79,43 @@ def claims_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _verdicts(root: Path, paper: str) -> str:
-    rows = [verdicts.row(judgement) for judgement in claims.judge_paper(root, paper)]
-    caption = "Every number and claim that the paper prints, and what this build found."
-    return table_directive(caption, f"claims-{paper}", claims_table(verdicts.HEADER, rows))
+    """Show the claims of a paper, then our controls, then the errata that its ledger holds."""
+    parts = []
+    for kind, caption in _KINDS.items():
+        table, rows = verdicts.claims_table(root, paper, lambda claim, kind=kind: claim.kind == kind)
+        if rows:
+            parts.append(table_directive(caption, f"{_LABELS[kind]}-{paper}", table))
+    if errata := [claim for claim in claims.ledger(root, paper) if claim.kind == "erratum"]:
+        rows = [
+            [f"{c.where}: {verdicts.escaped(c.says)}", f"{{math}}`{c.text}`", f"{{math}}`{c.should}`"] for c in errata
+        ]
+        table = display.markdown_table(["Where", "In the text we have", "Should read"], rows)
+        parts.append(table_directive("Formulas that cannot stand as they are.", f"errata-{paper}", table))
+    return "\n".join(parts)
+
+
+def _verdicts_of(root: Path, page: str) -> str:
+    """Show the entries that the numbers of one notebook alone decide."""
+    table, rows = verdicts.claims_table(root, page.partition("/")[0], lambda c: c.notebooks == [page], page)
+    caption = "What the paper prints, how we read it, our number, and the verdict."
+    return table_directive(caption, f"verdicts-{page.replace('/', '-')}", table) if rows else ""
+
+
+def _all_claims(root: Path) -> str:
+    """Show the claims of all papers in one table a paper, for the page with the filter."""
+    parts = []
+    for paper in claims.papers(root):
+        table, _ = verdicts.claims_table(root, paper, lambda claim: claim.kind == "claim", "claims")
+        title = contents.title(root, f"{paper}/index")
+        parts.append(f"## {title}\n\n{table_directive(f'{title}: all claims.', f'all-claims-{paper}', table)}")
+    return "\n".join(parts)
+
+
+def _rules(root: Path) -> str:
+    """Show what each kind of statement asks for."""
+    rows = [[name.replace("-", " "), rule.means] for name, rule in ledger.rules(root).items()]
+    table = display.markdown_table(["Kind of statement", "What it asks for"], rows)
+    return table_directive("What each kind of statement asks for, the same for all papers.", "rules", table)
 
 
 def _near_claims(root: Path) -> str:
@@ -127,8 +161,16 @@ def _api(root: Path, package: str) -> str:
     return "\n".join(parts)
 
 
+_KINDS = {
+    "claim": "Every number and claim that the paper prints, and what this build computed.",
+    "control": "Controls of ours, which the paper does not print.",
+}
+_LABELS = {"claim": "claims", "control": "controls"}
 BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
     "verdicts": (_verdicts, "PAPER"),
+    "verdicts-of": (_verdicts_of, "PAPER/NOTEBOOK"),
+    "all-claims": (_all_claims, ""),
+    "rules": (_rules, ""),
     "verdict-summary": (verdicts.summary_markdown, ""),
     "near-claims": (_near_claims, ""),
     "guards": (_guards, ""),

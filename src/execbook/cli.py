@@ -103,6 +103,19 @@ def run(
 
 
 @app.command()
+def multiverse(
+    paper: str,
+    size: Annotated[int | None, typer.Option(min=1, help="Number of worlds (default: the book's).")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the run (default: under runs/).")] = None,
+) -> None:
+    """Judge a paper's claims in more readings of it: a share for each claim, and the choice that decides."""
+    from execbook import multiverse
+
+    multiverse.choices(root(), paper)  # refuse before a run
+    run(f"{paper}/{multiverse.READINGS}", [] if size is None else [f"size={size}"], out)
+
+
+@app.command()
 def claims(
     paper: Annotated[str | None, typer.Argument(help="A paper (default: all).")] = None,
     as_json: AsJson = False,
@@ -135,11 +148,11 @@ def claims(
 def _print_claim(judgement) -> None:
     from execbook import verdicts
 
-    says, printed, ours, verdict, why = verdicts.row(judgement)
+    says, printed, ours, outcome, why = verdicts.row(judgement)
     claim = judgement.claim
     wanted = claim.verdict or ("holds" if claim.holds else "does not hold")
     expected = "" if judgement.as_expected else f" (expected {wanted.replace('-', ' ')})"
-    print(f"{judgement.claim.id}: {verdict}{expected}")
+    print(f"{judgement.claim.id}: {outcome}{expected}")
     distance = f"{100 * judgement.margin:.2g} % from its threshold" if judgement.is_near else ""
     numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)
     width = min(int(os.environ.get("COLUMNS") or _WIDE), _WIDE)

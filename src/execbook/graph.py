@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from execbook import atomic, children, claims, execute, notebooks, project, runfolder, sources, stage
+from execbook import atomic, children, claims, execute, multiverse, notebooks, project, runfolder, sources, stage
 from execbook import html as sphinx
 from execbook.errors import Fault
 from execbook.progress import Display
@@ -97,7 +97,8 @@ def key(root: Path, name: str, shared: str | None = None) -> str:
     """Give the SHA-256 (hex) over all that a run of the notebook comes from.
 
     The notebook's source (its default parameters among it), the modules that it imports with all they import, the
-    machinery that executes it, the claims it judges, the vendored data and the locked environment.
+    machinery that executes it, the claims it judges, the readings that it runs, the vendored data and the locked
+    environment.
     """
     text = notebooks.source_path(root, name).read_text(encoding="utf-8")
     code = notebooks.code(notebooks.read(root, name))
@@ -105,11 +106,16 @@ def key(root: Path, name: str, shared: str | None = None) -> str:
         modules = sources.imported_modules(code, {project.read(root).package, "execbook"})
     except SyntaxError:  # it will say so itself when executed
         modules = set()
+    paper = name.partition("/")[0]
+    worlds = ".multiverse(" in code and paper in claims.papers(root)
     judges = re.search(r"\.(verdicts|claims|printed)\(", code)
+    judged = claims.ledger(root, paper) if worlds else claims.decided_by(root, name) if judges else []
+    readings = multiverse.choices(root, paper) if worlds else []
     parts = {
         "source": text,
         "code": sources.code_hash(modules | {"execbook.execute"}),
-        "claims": [c.model_dump(mode="json") for c in claims.decided_by(root, name)] if judges else [],
+        "claims": [c.model_dump(mode="json") for c in judged],
+        "readings": [choice.model_dump(mode="json") for choice in readings],
         "shared": shared or shared_inputs(root),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

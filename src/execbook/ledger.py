@@ -176,7 +176,10 @@ class Claim(_Strict):
             (by_number and self.reference is None, "accept needs a printed (or reads) number to compare with"),
             (claim and alone and not self.reason, "a claim that nothing decides needs a reason"),
             (claim != (self.verdict is not None), "a claim has a verdict, a control or an erratum has none"),
-            (control != (self.holds is not None), "a control says holds: true or false, a claim or an erratum does not"),
+            (
+                control != (self.holds is not None),
+                "a control says holds: true or false, a claim or an erratum does not",
+            ),
             (control and alone, "a control needs a metric or a compare"),
             (control and self.printed is not None, "a control is ours: nothing of it is printed"),
             (erratum != (self.text is not None), "an erratum quotes the text, another entry does not"),
@@ -215,36 +218,34 @@ def papers(root: Path) -> list[str]:
 
 def ledger(root: Path, paper: str) -> list[Claim]:
     """Read the entries of a paper; raises Fault for a wrong entry, Misuse for an unknown paper."""
-    path, rules = root / "book" / paper / "claims.yml", root / "book" / "rules.yml"
+    path = root / "book" / paper / "claims.yml"
     if not re.fullmatch(r"\w[\w.-]*", paper) or not path.is_file():
         raise Misuse(f"{paper!r} has no ledger ({path}); papers with one are {', '.join(papers(root)) or 'none yet'}.")
-    known = _rules(rules.read_text(encoding="utf-8")) if rules.is_file() else {}
-    return list(_claims(path.read_text(encoding="utf-8"), f"book/{paper}/claims.yml", known))
+    return list(_claims(path.read_text(encoding="utf-8"), f"book/{paper}/claims.yml", _text_of_rules(root)))
 
 
 def rules(root: Path) -> dict[str, Rule]:
-    """Read what each kind of statement asks for, by name."""
+    """Read what each kind of statement asks for, by name; raises Fault where the file is malformed."""
+    return dict(_rules(_text_of_rules(root)))
+
+
+def _text_of_rules(root: Path) -> str:
     path = root / "book" / "rules.yml"
-    return dict(_rules(path.read_text(encoding="utf-8"))) if path.is_file() else {}
-
-
-class _Rules(dict):
-    """Rules by name; hashed by identity, for the memory of ledgers."""
-
-    __hash__ = object.__hash__
+    return path.read_text(encoding="utf-8") if path.is_file() else "{}"
 
 
 @functools.lru_cache(maxsize=4)
-def _rules(text: str) -> _Rules:
+def _rules(text: str) -> dict[str, Rule]:
     try:
-        return _Rules((name, Rule.model_validate(entry)) for name, entry in yamltext.parse(text).items())
+        return {name: Rule.model_validate(entry) for name, entry in yamltext.parse(text).items()}
     except (ValueError, AttributeError) as error:
         words = explain(error) if isinstance(error, ValidationError) else error
         raise Fault(f"book/rules.yml: {words}.") from error
 
 
 @functools.lru_cache(maxsize=16)
-def _claims(text: str, where: str, known: Mapping[str, Rule]) -> tuple[Claim, ...]:
+def _claims(text: str, where: str, rules_text: str) -> tuple[Claim, ...]:
+    known = _rules(rules_text)
     try:
         entries = yamltext.parse(text)
     except ValueError as error:

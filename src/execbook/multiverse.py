@@ -17,14 +17,14 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from execbook import yamltext
+from execbook import display, yamltext
 from execbook.errors import Fault, Misuse, explain
 from execbook.ledger import Claim
 
 READINGS = "90-readings"
 """Stem of the page of each part that runs its worlds."""
 World = dict[str, str | float]
-"""Choice -> option, or number."""
+"""Choice -> option, or number; and `world` -> its place, for seeds."""
 _BELOW, _ABOVE = "below", "above"
 """The halves of a range."""
 _CERTAIN = 3.0
@@ -107,8 +107,13 @@ class Share(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Give the standard error of the part (one half of a world where all agree)."""
-        return max(math.sqrt(self.part * (1.0 - self.part) / self.worlds), 0.5 / self.worlds)
+        """Give the standard error of the part."""
+        return sampling_error(self.part, self.worlds)
+
+
+def sampling_error(part: float, worlds: int) -> float:
+    """Give the standard error of a share of so many worlds; where nearly all agree, one and a half worlds."""
+    return max(math.sqrt(part * (1.0 - part) / worlds), 1.5 / worlds)
 
 
 def choices(root: Path, paper: str) -> list[Choice]:
@@ -142,26 +147,27 @@ def _entries(text: str, where: str) -> list[Any]:
 
 def default(declared: Iterable[Choice]) -> World:
     """Give the world of the part's own set-up."""
-    return {choice.id: choice.default for choice in declared}
+    return {"world": 0, **{choice.id: choice.default for choice in declared}}
 
 
 def draw(declared: Sequence[Choice], size: int, seed: int) -> list[World]:
-    """Draw worlds in which every option of every choice occurs equally often."""
+    """Draw worlds in which every option of every choice occurs equally often; their places start at 1."""
     rng = np.random.default_rng(seed)
     columns = [choice.draw(size, rng) for choice in declared]
-    return [dict(zip((choice.id for choice in declared), row, strict=True)) for row in zip(*columns, strict=True)]
+    names = ["world", *(choice.id for choice in declared)]
+    return [dict(zip(names, row, strict=True)) for row in zip(range(1, size + 1), *columns, strict=True)]
 
 
 def count(declared: Sequence[Choice], worlds: Sequence[World], held: Mapping[str, Sequence[bool]]) -> dict[str, float]:
     """Count in which part of the worlds each claim held.
 
-    held : claim -> one bool a world. Returns the numbers to record: `worlds`, `share.<claim>` and
-    `part.<choice>.<group>.<claim>`.
+    held : claim -> one bool a world. Returns the numbers to record: `share.<claim>`, `count.<claim>`, the number of
+    worlds, and `part.<choice>.<group>.<claim>`.
     """
-    numbers: dict[str, float] = {"worlds": len(worlds)}
+    numbers: dict[str, float] = {}
     for claim, outcomes in held.items():
         outcome = np.asarray(outcomes, dtype=float)
-        numbers[f"share.{claim}"] = float(outcome.mean())
+        numbers[f"share.{claim}"], numbers[f"count.{claim}"] = float(outcome.mean()), outcome.size
         for choice in declared:
             groups = np.array([choice.group(world[choice.id]) for world in worlds])
             for group in choice.groups:
@@ -179,8 +185,19 @@ def share_of(claim: str, readings: Mapping[str, Mapping[str, Any]]) -> Share | N
     for key, entry in _parts(readings, claim):
         _, choice, group, _ = key.split(".", 3)
         groups.setdefault(choice, {})[group] = entry["value"]
-    worlds = int(readings["worlds"]["value"])
+    worlds = int(readings[f"count.{claim}"]["value"])
     return Share(total["value"], worlds, groups, _decisive(groups, worlds, total["value"]))
+
+
+def guarded(key: str, entries: Mapping[str, Mapping[str, Any]]) -> float | None:
+    """Give how far a recorded share may move, its sampling error, or None for another key."""
+    if not key.startswith(("share.", "part.")):
+        return None
+    claim = key.split(".", 1)[1] if key.startswith("share.") else key.split(".", 3)[3]
+    worlds = int(entries[f"count.{claim}"]["value"])
+    if key.startswith("part."):
+        worlds = max(worlds // sum(k.split(".")[1] == key.split(".")[1] for k, _ in _parts(entries, claim)), 1)
+    return sampling_error(entries[key]["value"], worlds)
 
 
 def _parts(readings: Mapping[str, Any], claim: str) -> list[tuple[str, Any]]:
@@ -213,8 +230,8 @@ def survived(
 ) -> dict[str, list[bool]]:
     """Tell for each claim in which worlds it held.
 
-    judge : gives whether a claim holds by the numbers of a notebook;  results : of each world, `notebook:key` -> number,
-    the same keys in all. Claims whose numbers a world does not give have no share.
+    judge : gives whether a claim holds by the numbers of a notebook;  results : of each world, `notebook:key` ->
+    number, the same keys in all. Claims whose numbers a world does not give have no share.
     """
     given = set(results[0]) if results else set()
     tables = [functools.partial(_of_notebook, result) for result in results]
@@ -225,3 +242,53 @@ def _of_notebook(result: Mapping[str, float], notebook: str) -> dict[str, dict[s
     start = f"{notebook}:"
     finite = {k: (v if math.isfinite(v) else None) for k, v in result.items() if k.startswith(start)}
     return {key.removeprefix(start): {"value": value, "unit": ""} for key, value in finite.items()}
+
+
+def choices_table(declared: Iterable[Choice]) -> tuple[list[str], list[list[str]], str]:
+    """Give header, rows and caption of what a paper leaves open."""
+    rows = []
+    for choice in declared:
+        options = [f"{o.id}{' (here)' * (o.id == choice.default)}: {o.says}" for o in choice.options]
+        if choice.range:
+            low, high, usual = (display.quantity(v, choice.unit) for v in (*choice.range, choice.default))
+            options = [f"{low} to {high}, here {usual}"]
+        rows.append([choice.id, choice.asks, "; ".join(options), choice.passage])
+    return ["choice", "question", "options", "passage that leaves it open"], rows, "What the paper leaves open."
+
+
+def shares_table(entries: Iterable[Claim], shares: Mapping[str, Share]) -> tuple[list[str], list[list[Any]], str]:
+    """Give header, rows and caption of the shares of the worlds in which each entry holds."""
+    rows = []
+    for entry in entries:
+        if (share := shares.get(entry.id)) is None:
+            continue
+        parts = {c: ", ".join(f"{g} {100 * p:.0f}" for g, p in groups.items()) for c, groups in share.groups.items()}
+        by = share.decided_by
+        rows.append(
+            [entry.id, f"{100 * share.part:.0f} ± {100 * share.error:.0f}", share.worlds, by, parts.get(by, "")]
+        )
+    caption = "Share of the worlds in which each claim holds, with its sampling error, and the choice that decides."
+    return ["claim", "share (%)", "worlds", "decided by", "share by option (%)"], rows, caption
+
+
+def draw_shares(entries: Sequence[Claim], shares: Mapping[str, Share]) -> Any:
+    """Draw the shares as bars, the largest on top, with the limits of the verdicts."""
+    from matplotlib.figure import Figure
+
+    listed = sorted((shares[e.id].part, shares[e.id].error, e.id) for e in entries if e.id in shares)
+    parts, errors, names = zip(*listed, strict=True)
+    figure = Figure(figsize=(7.0, 1.2 + 0.19 * len(names)), layout="constrained")
+    axes = figure.add_subplot()
+    axes.barh(names, [100 * p for p in parts], xerr=[100 * e for e in errors], height=0.7, error_kw={"linewidth": 0.8})
+    for limit in (10, 90):
+        axes.axvline(limit, linestyle="--", linewidth=0.8, color="0.5")
+    axes.set(xlabel="share of the worlds in which the claim holds (%)", xlim=(0, 100), ylim=(-0.6, len(names) - 0.4))
+    axes.tick_params(axis="y", labelsize=7)
+    return figure
+
+
+SHARES_WORDS = {
+    "caption": "Share of the worlds in which each claim holds, with its sampling error. From the right dashed line on, "
+    "nine worlds of ten, a claim is reproduced; up to the left one, one of ten, it is not.",
+    "alt": "Horizontal bars, one for each claim, from 0 to 100 per cent, with dashed lines at 10 and 90 per cent.",
+}

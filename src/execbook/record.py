@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from execbook import atomic, claims, display, parameters, progress, project, provenance, runfolder, verdicts
+from execbook import atomic, claims, display, multiverse, parameters, progress, project, provenance, runfolder, verdicts
 from execbook.errors import Fault
 from execbook.memo import Memo
 
@@ -214,6 +214,29 @@ class Notebook:
         header, rows, caption = verdicts.of_notebook(self._root, self.name, self._metrics, judged)
         if rows:
             self.table(f"verdicts-{self.name.rpartition('/')[2].lower()}", header, rows, caption)
+
+    def multiverse(self, *runs: tuple[Callable[[multiverse.World], Mapping[str, float]], int], seed: int) -> None:
+        """Judge the paper's claims in worlds of its readings; record and show in which part of them each holds.
+
+        runs : pairs of a function of a world that gives `paper/notebook:key` -> number, and how many worlds it runs;
+        each world's result is kept. Raises Fault where two functions decide one claim.
+        """
+        paper = self.name.partition("/")[0]
+        declared, entries = multiverse.choices(self._root, paper), claims.ledger(self._root, paper)
+        shares: dict[str, multiverse.Share] = {}
+        for place, (function, size) in enumerate(runs):
+            worlds, kept = multiverse.draw(declared, size, seed + place), self.memo(function)
+            results = [kept(world) for world in self.track(worlds, f"worlds of {function.__name__}")]
+            held = multiverse.survived(lambda claim, table: claims.judge(claim, table).holds, entries, results)
+            numbers = multiverse.count(declared, worlds, held)
+            for key, value in numbers.items():
+                self.record(key, value)
+            recorded = {key: {"value": value} for key, value in numbers.items()}
+            shares |= {claim: multiverse.share_of(claim, recorded) for claim in held}
+        self.record("worlds", max(size for _, size in runs))
+        self.table(f"choices-{paper}", *multiverse.choices_table(declared))
+        self.table(f"shares-{paper}", *multiverse.shares_table(entries, shares))
+        self.figure(f"shares-figure-{paper}", multiverse.draw_shares, entries, shares, **multiverse.SHARES_WORDS)
 
     def finish(self) -> None:
         """Write the record whole into the folder `out`; raises Fault, leaving what stood there."""

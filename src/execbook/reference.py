@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import TypeAdapter, ValidationError, model_validator
 
-from execbook import display, tolerance, yamltext
+from execbook import display, multiverse, tolerance, yamltext
 from execbook.errors import Fault, explain
 from execbook.runfolder import read as read_run
 from execbook.tolerance import Tolerance
@@ -87,6 +87,8 @@ class Stored:
             if guard.covers(self.name, self.mode, key):
                 return "nothing, as declared" if guard.none else "a declared bound", guard
         entry = self.entries[key]
+        if self.name.endswith(f"/{multiverse.READINGS}") and (error := multiverse.guarded(key, self.entries)):
+            return "the sampling error of a share", Tolerance(abs=error)
         if "spread" not in entry:
             raise Fault(f"The stored reference of {key} is malformed: it has no 'spread'.")
         found = tolerance.by_rule(self._size(key), entry["spread"], entry.get("largest"), self._usual)

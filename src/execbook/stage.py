@@ -105,6 +105,8 @@ def stage_notebook(
 ) -> NotebookNode:
     """Make a page of the executed notebook of `run`; what it shows is copied into `files`.
 
+    A table of claims is made anew where `filled` knows how, since verdicts may rest on other pages' numbers.
+
     filled  what fills in the prose;  offer: whether the data of figures and tables are offered as downloads
     """
     notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
@@ -117,7 +119,9 @@ def stage_notebook(
             _drop_finish(cell)
             if not cell.source:
                 continue
-            shown = [_directive(page, output, run, files, offer) for output in cell.outputs]
+            shown = [
+                _claims(page, output, filled) or _directive(page, output, run, files, offer) for output in cell.outputs
+            ]
             kept = (output for output, text in zip(cell.outputs, shown, strict=True) if text is None)
             cell.outputs = [output for output in kept if not _is_echo(output)]
             _fold(cell)
@@ -161,6 +165,14 @@ def _is_bare(cell: NotebookNode) -> bool:
 def _is_echo(output: NotebookNode) -> bool:
     """Tell whether an output only echoes a cell's last expression."""
     return output.get("output_type") == "execute_result" and set(output.get("data", {})) <= {"text/plain"}
+
+
+def _claims(page: str, output: NotebookNode, filled: Callable[[str], str]) -> str | None:
+    """Give the book's table of the claims that a page decides, where an output is one and `filled` makes it."""
+    record = output.get("data", {}).get(TABLE_TYPE)
+    call = f"<!-- verdicts-of: {page} -->"
+    text = filled(call) if record and _of_verdicts(record["name"]) else call
+    return None if text == call else text
 
 
 def _directive(page: str, output: NotebookNode, run: Path, files: Path, offer: bool) -> str | None:

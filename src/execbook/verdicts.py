@@ -1,23 +1,25 @@
-"""The tables of claims and verdicts: for pages, scripts and the README."""
+"""The tables of claims, controls, errata and verdicts: for pages, scripts and the README."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
-from execbook import contents, display
+from execbook import contents, display, runfolder
 from execbook.claims import Judgement, Metrics, decided_by, judge, judge_paper
 from execbook.errors import Fault, Misuse
 from execbook.ledger import Claim, Verdict, papers
+from execbook.multiverse import READINGS
 
 HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
 _BLOCK = re.compile(r"(<!-- verdicts -->\n).*?(<!-- /verdicts -->)", re.S)
 
 
-def row(judgement: Judgement, judged: bool = True) -> list[str]:
-    """Give the cells of a claim under `HEADER`; verdict and reason are empty unless `judged`."""
+def row(judgement: Judgement) -> list[str]:
+    """Give the cells of an entry under `HEADER`."""
     claim, ours = judgement.claim, judgement.ours
 
     def shown(value: float | str, digits: int | None = None) -> str:
@@ -27,26 +29,33 @@ def row(judgement: Judgement, judged: bool = True) -> list[str]:
 
     prints = [] if claim.printed is None else [shown(claim.printed)]
     reads = [] if claim.reads is None else [f"read as {shown(claim.reads)}"]
-    why = "; ".join(filter(None, (claim.because if reads else None, judgement.why)))
-    verdict = _outcome(judgement)
+    why = "; ".join(filter(None, (claim.because if reads else None, judgement.why, _decided(judgement))))
     cells = [f"{claim.where}: {claim.says}", "; ".join(prints + reads), "" if ours is None else shown(ours, 4)]
-    return [*cells, *([verdict, why] if judged else ["", ""])]
+    return [*cells, outcome(judgement), why]
 
 
-def _outcome(judgement: Judgement) -> str:
-    """Give the verdict in words, with the share of the readings; of a control, whether it holds."""
+def outcome(judgement: Judgement) -> str:
+    """Give a verdict in words, with its share of the readings; of a control, whether it holds."""
     claim, share = judgement.claim, judgement.share
     if claim.kind == "erratum":
         return "erratum"
     if claim.kind == "control":
         return {True: "holds", False: "does not hold", None: "not computed"}[judgement.holds]
     words = (judgement.verdict or "not computed").replace("-", " ")
-    return f"{words} ({display.number(round(100 * share.part))}{display.NBSP}%)" if share else words
+    return f"{words}, {round(100 * share.part)}{display.NBSP}%" if share else words
 
 
-def link(root: Path, claim: Claim) -> str:
-    """Give the address of what shows a claim, below the book's folder: a figure or table, else its notebook."""
-    return claim.evidence[0] if claim.evidence else ""
+def _decided(judgement: Judgement) -> str:
+    """Tell how many of the readings a claim survives, and which choice decides."""
+    share = judgement.share
+    if share is None:
+        return ""
+    text = f"holds in {round(100 * share.part)}{display.NBSP}% of {share.worlds} readings"
+    if not share.decided_by:
+        return text
+    parts = share.groups[share.decided_by].items()
+    listed = ", ".join(f"{g} {round(100 * part)}{display.NBSP}%" for g, part in sorted(parts, key=lambda p: -p[1]))
+    return f"{text}; {share.decided_by} decides ({listed})"
 
 
 def _digits(value: float) -> int:
@@ -54,28 +63,68 @@ def _digits(value: float) -> int:
     return sum(c.isdigit() for c in f"{value:.5e}".partition("e")[0].rstrip("0"))
 
 
+def labels(claim: Claim) -> tuple[str, ...]:
+    """Give the labels of the figures and tables that show an entry: its evidence, else its page's table of claims."""
+    if claim.evidence:
+        return claim.evidence
+    return (f"verdicts-{claim.notebooks[0].replace('/', '-')}",) if len(claim.notebooks) == 1 else ()
+
+
+def link(root: Path, paper: str, claim: Claim) -> str:
+    """Give the address of what shows an entry, relative to the book's folder of pages."""
+    for label in claim.evidence:
+        for page in contents.pages(root):
+            if page.startswith(f"{paper}/") and label in _shown(root, page):
+                return f"{page}.html#{label.lower().replace('.', '-').replace('_', '-')}"
+    if claim.notebooks:
+        page = claim.notebooks[0]
+        return f"{page}.html" + (f"#verdicts-{page.replace('/', '-')}" if len(claim.notebooks) == 1 else "")
+    return f"{paper}/index.html#claim-{claim.id}"
+
+
+def _shown(root: Path, page: str) -> list[str]:
+    """List the labels of figures and tables on a page: of its last run, and those written in its text."""
+    record = runfolder.provenance(runfolder.run_folder(root, page)) or {}
+    source = root / "book" / f"{page}.md"
+    written = re.findall(r"^:name: (\S+)$", source.read_text(encoding="utf-8"), re.M) if source.is_file() else []
+    return [*record.get("figures", ()), *record.get("tables", ()), *written]
+
+
 def of_notebook(root: Path, notebook: str, metrics: Metrics, judged: bool) -> tuple[list[str], list[list[str]], str]:
-    """Give header, rows and caption of the claims that a notebook decides, `judged` or not."""
-    rows = [row(judge(claim, lambda _: metrics), judged) for claim in decided_by(root, notebook)]
-    keep = [k for k, name in enumerate(HEADER) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
-    caption = "What the paper prints, how we read it, our number, and the verdict."
+    """Give header, rows and caption of the entries that a notebook alone decides; whether they hold where `judged`.
+
+    The verdict stands in the book alone: it may rest on other readings, which another page computes.
+    """
+    rows = []
+    for claim in decided_by(root, notebook):
+        judgement = judge(claim, lambda _: metrics)
+        *cells, _, why = row(judgement)
+        holds = {True: "yes", False: "no", None: ""}[judgement.holds]
+        rows.append([*cells, *([holds, why] if judged else ["", ""])])
+    header = [name.replace("Verdict", "Holds here") for name in HEADER]
+    keep = [k for k, name in enumerate(header) if name in ("The paper says", "Ours") or any(r[k] for r in rows)]
+    caption = "What the paper prints, how we read it, our number, and whether the statement holds here."
     if not judged:
         caption = "What the paper prints and our number. The parameters are not the paper's, so nothing is judged."
-    return [HEADER[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
+    return [header[k] for k in keep], [[row[k] for k in keep] for row in rows], caption
 
 
 def summary_markdown(root: Path, prefix: str = "") -> str:
     """Count the verdicts of each paper in a Markdown table; links start at `prefix`."""
-    verdicts = get_args(Verdict)
+    words = get_args(Verdict)
     rows = []
     for paper in papers(root):
-        counts = Counter(j.verdict or "not computed" for j in judge_paper(root, paper) if j.claim.kind == "claim")
+        counts = Counter(j.verdict or "not computed" for j in _judged(root, paper))
         link = f"[{contents.title(root, f'{paper}/index')}]({prefix}{paper}/index.md)"
-        rows.append([link, counts.total(), *(counts[v] for v in verdicts), counts["not computed"] or ""])
-    header = ["Paper", "Claims", *(v.replace("-", " ") for v in verdicts), "not computed"]
+        rows.append([link, counts.total(), *(counts[v] for v in words), counts["not computed"] or ""])
+    header = ["Paper", "Claims", *(v.replace("-", " ") for v in words), "not computed"]
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
     return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
+
+
+def _judged(root: Path, paper: str, kind: str = "claim") -> list[Judgement]:
+    return [j for j in judge_paper(root, paper) if j.claim.kind == kind]
 
 
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
@@ -84,9 +133,9 @@ def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
     for claim, ours, holds, verdict, why, margin, share in judge_paper(root, paper):
         entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict", "holds"})
         expected = claim.holds if claim.kind == "control" else claim.verdict
-        judged = {"expected": expected, "holds": holds, "verdict": verdict, "why": why, "margin": margin}
-        judged |= {"share": share and share.part, "decided_by": share and share.decided_by, "link": link(root, claim)}
-        found.append({"paper": paper, **entry, "ours": ours, **judged})
+        judged = {"ours": ours, "expected": expected, "holds": holds, "verdict": verdict, "why": why, "margin": margin}
+        judged |= {"share": share and share.part, "decided_by": share and share.decided_by}
+        found.append({"paper": paper, **entry, **judged, "link": link(root, paper, claim)})
     return found
 
 
@@ -111,6 +160,40 @@ def readme_agrees(root: Path) -> bool:
 
 
 def _not_computed(root: Path) -> int:
-    return sum(
-        j.verdict is None for paper in papers(root) for j in judge_paper(root, paper) if j.claim.kind == "claim"
-    )
+    return sum(j.verdict is None for paper in papers(root) for j in _judged(root, paper))
+
+
+def claims_table(root: Path, paper: str, chosen: Callable[[Claim], bool], here: str = "") -> tuple[str, int]:
+    """Give a Markdown table of the chosen entries of a paper, and how many they are.
+
+    A row has an address, `claim-<id>`; below what the paper says stand the passage, what shows it and why the verdict.
+    here : page that the table stands on, which its rows do not point at.
+    """
+    rows = [_linked(paper, j, here) for j in judge_paper(root, paper) if chosen(j.claim)]
+    return display.markdown_table(HEADER[:-1], rows), len(rows)
+
+
+def _linked(paper: str, judgement: Judgement, here: str) -> list[str]:
+    claim = judgement.claim
+    says, printed, ours, verdict, why = (escaped(text) for text in row(judgement))
+    shown = [f"{{numref}}`{label}`" for label in labels(claim) if label != f"verdicts-{here.replace('/', '-')}"]
+    if not labels(claim):
+        shown = [f"{{doc}}`/{notebook}`" for notebook in claim.notebooks if notebook != here]
+    if judgement.share and here != f"{paper}/{READINGS}":
+        shown.append(f"{{doc}}`/{paper}/{READINGS}`")
+    small = [f"Source: {escaped(claim.source)}."]
+    if claim.kind == "control":
+        small = ["A control of ours, not a claim of the paper."]
+    if shown:
+        small.append(f"Shown in {', '.join(shown)}.")
+    if why:
+        small.append(f"{why[0].upper()}{why[1:]}.")
+    for past in claim.history[-1:]:
+        moved = f"Until {past.until}: {past.verdict.replace('-', ' ')}; {past.reason}"
+        small.append(escaped(moved.rstrip(".")) + ".")
+    return [f'<span id="claim-{claim.id}"></span>{says}<br><small>{" ".join(small)}</small>', printed, ours, verdict]
+
+
+def escaped(text: str) -> str:
+    """Give a text whose marks Markdown leaves alone."""
+    return re.sub(r"([\\*_\[\]<>$\{}#~^`])", r"\\\1", text)

@@ -118,6 +118,7 @@ progress = "geokalman.progress:listen"
 CLAIMS = """
 - id: mean
   where: Table 1
+  source: Table 1, first row
   says: the mean of the line
   printed: 49
   unit: m
@@ -126,6 +127,7 @@ CLAIMS = """
   verdict: reproduced
 - id: steeper
   where: text
+  source: section 2, last sentence
   says: the line ends above the constant
   compare: {left: "toy/01-line:line.mean", op: ">", right: "toy/02-constant:quotient", factor: 10}
   verdict: reproduced

@@ -6,11 +6,11 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from execbook import claims, verdicts
+from execbook import claims, ledger, multiverse, verdicts
 from execbook.errors import Fault, Misuse
 
 BASE = {
-    "id": "c", "where": "Table 1", "says": "something", "printed": 2.0, "unit": "m",
+    "id": "c", "where": "Table 1", "source": "Table 1, row 2", "says": "something", "printed": 2.0, "unit": "m",
     "metric": "toy/01-line:x", "accept": {"rel": 0.1}, "verdict": "reproduced",
 }  # fmt: skip
 
@@ -40,7 +40,8 @@ def metrics(value, unit="m"):
         ({"accept": {"range": [3, 4]}, "printed": "three to four"}, 2.9, "not-reproduced"),
         ({"reads": 20.0, "because": "a zero is missing"}, 20.5, "reproduced"),
         ({"reads": 20.0, "because": "a zero is missing"}, 2.0, "not-reproduced"),
-        ({"assumes": "smoothing"}, 2.0, "under-interpretation"),
+        ({"assumes": "smoothing"}, 2.0, "depends-on-the-reading"),
+        ({"assumes": "smoothing"}, 5.0, "not-reproduced"),
         ({"assumes": "smoothing", "calibrated": "mu"}, 2.0, "calibrated"),
         ({"assumes": "smoothing", "calibrated": "mu"}, 5.0, "not-reproduced"),
         ({}, None, "not-reproduced"),
@@ -100,7 +101,7 @@ def test_a_comparison_shows_both_sides():
     ],
 )
 def test_names_of_a_comparison_are_what_differs(left, right, names):
-    assert claims._names(left, right) == names
+    assert ledger._names(left, right) == names
 
 
 def test_what_is_not_recorded_is_not_judged():
@@ -123,6 +124,7 @@ def test_units_must_agree():
 @pytest.mark.parametrize(
     "change, sentence",
     [
+        ("source: null", "source: Input should be a valid string"),
         ("says: x\n  tells: y", "c: tells: Extra inputs"),
         ("accept: {rel: 0.1, abs: 1}", "accept: accept wants exactly one of"),
         ("accept: {range: [2, 1]}", "the range .* is empty"),
@@ -152,8 +154,11 @@ def test_malformed_entries_name_file_and_claim(toy, change, sentence):
         ("- id: a\n  id: b\n", 'duplicate key "id"'),
         ("a: 1", "holds no list of claims"),
         ("- 5", "claim number 1"),
-        ("- {id: a, where: x, says: x, verdict: not-testable}", "claim a: a claim that nothing decides needs a reason"),
-        (2 * "- {id: a, where: x, says: x, reason: x, verdict: not-testable}\n", "claim a: the id is taken"),
+        (
+            "- {id: a, where: x, source: x, says: x, verdict: not-testable}",
+            "claim a: a claim that nothing decides needs a reason",
+        ),
+        (2 * "- {id: a, where: x, source: x, says: x, reason: x, verdict: not-testable}\n", "claim a: the id is taken"),
     ],
 )
 def test_malformed_ledgers(toy, text, sentence):
@@ -315,17 +320,128 @@ def test_the_ledger_for_scripts(toy):
     write_metrics(toy, 49.0)
     first, second = verdicts.as_json(toy, "toy")
     assert first == {
-        "paper": "toy", "id": "mean", "where": "Table 1", "says": "the mean of the line", "printed": 49.0, "unit": "m",
-        "metric": "toy/01-line:line.mean", "compare": [], "accept": {"rel": 1e-3}, "ours": 49.0,
-        "expected": "reproduced", "verdict": "reproduced", "why": "accepted ±0.1 %", "margin": pytest.approx(1e-3, rel=0.01),
+        "paper": "toy", "id": "mean", "kind": "claim", "where": "Table 1", "source": "Table 1, first row",
+        "says": "the mean of the line", "printed": 49.0, "unit": "m", "metric": "toy/01-line:line.mean", "compare": [],
+        "accept": {"rel": 1e-3}, "evidence": [], "requires": [], "history": [], "ours": 49.0, "holds": True,
+        "expected": "reproduced", "verdict": "reproduced", "why": "accepted ±0.1 %", "share": None, "decided_by": None,
+        "margin": pytest.approx(1e-3, rel=0.01), "link": "toy/01-line.html#verdicts-toy-01-line",
     }  # fmt: skip
     assert second["ours"] == "49.00 m (line mean) > 10 × 3.000 m (quotient)" and second["verdict"] == "reproduced"
+
+
+@pytest.mark.parametrize(
+    ("change", "ours", "part", "verdict"),
+    [
+        ({}, 2.0, 0.9, "reproduced"),
+        ({}, 9.0, 0.9, "reproduced"),  # what the readings say outranks the one world
+        ({}, 2.0, 0.89, "depends-on-the-reading"),
+        ({}, 2.0, 0.11, "depends-on-the-reading"),
+        ({}, 2.0, 0.1, "not-reproduced"),
+        ({"calibrated": "mu"}, 2.0, 0.95, "calibrated"),
+        ({"calibrated": "mu"}, 2.0, 0.5, "calibrated"),
+        ({"calibrated": "mu"}, 2.0, 0.1, "not-reproduced"),
+        ({"assumes": "smoothing"}, 2.0, 1.0, "reproduced"),
+    ],
+)
+def test_a_share_of_the_readings_decides(change, ours, part, verdict):
+    share = multiverse.Share(part, 100, {}, None)
+    assert claims.judge(make(**change), metrics(ours), share).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"kind": "control"}, "a claim has a verdict, a control or an erratum has none"),
+        ({"kind": "control", "verdict": None}, "a control says holds"),
+        ({"kind": "control", "verdict": None, "holds": True}, "nothing of it is printed"),
+        ({"holds": True}, "a control says holds"),
+        ({"text": "a"}, "an erratum quotes the text, another entry does not"),
+        ({"kind": "erratum", "verdict": None}, "an erratum quotes the text"),
+        ({"kind": "erratum", "verdict": None, "text": "a", "should": "b"}, "not decided by a number"),
+        ({"kind": "claim", "verdict": None}, "a claim has a verdict"),
+    ],
+)
+def test_each_kind_of_entry_has_its_own_fields(change, sentence):
+    with pytest.raises(ValidationError, match=sentence):
+        make(**change)
+
+
+def test_controls_and_errata_have_no_verdict_and_are_not_counted(toy):
+    path = toy / "book" / "toy" / "claims.yml"
+    control = (
+        "- {id: own, kind: control, where: here, source: ours, says: it is flat, holds: false,"
+        ' compare: {left: "toy/01-line:line.mean", op: "<", right: 1}}\n'
+    )
+    erratum = "- {id: sign, kind: erratum, where: (2), source: equation 2, says: a sign, text: -a, should: a}\n"
+    path.write_text(path.read_text() + control + erratum)
+    write_metrics(toy, 49.0)
+    *_, own, sign = claims.judge_paper(toy, "toy")
+    assert (own.verdict, own.holds, own.as_expected) == (None, False, True)
+    assert (sign.verdict, sign.holds, sign.as_expected) == (None, None, True)
+    assert "| 2 | 2 | 0 |" in verdicts.summary_markdown(toy)
+    assert [verdicts.outcome(j) for j in (own, sign)] == ["does not hold", "erratum"]
+    assert [e["verdict"] for e in verdicts.as_json(toy, "toy")] == ["reproduced", "reproduced", None, None]
+
+
+RULES = """
+about: {means: about a number, between: [0.5, 2]}
+clearly: {means: clearly more, factors: [2]}
+range: {means: the printed range}
+"""
+
+
+@pytest.mark.parametrize(
+    ("entry", "accepted"),
+    [
+        ("printed: 4, rule: about, metric: 'toy/01-line:x'", (2.0, 8.0)),
+        ("printed: -4, rule: about, metric: 'toy/01-line:x'", (-8.0, -2.0)),
+        ("printed: 4, reads: 40, because: a zero, rule: about, metric: 'toy/01-line:x'", (20.0, 80.0)),
+        ("printed: one to two, rule: range, metric: 'toy/01-line:x', accept: {range: [1, 2]}", (1.0, 2.0)),
+        ("rule: clearly, compare: {left: 'toy/01-line:x', op: '>', right: 2, factor: 0.5}", None),
+    ],
+)
+def test_the_rule_of_its_kind_says_what_is_accepted(toy, entry, accepted):
+    (toy / "book" / "rules.yml").write_text(RULES)
+    (toy / "book" / "toy" / "claims.yml").write_text(
+        f"- {{id: a, where: x, source: x, says: x, verdict: reproduced, {entry}}}"
+    )
+    accept = claims.ledger(toy, "toy")[0].accept
+    assert (accept and (accept.min, accept.max)) == accepted
+
+
+@pytest.mark.parametrize(
+    ("entry", "sentence"),
+    [
+        ("printed: 4, rule: roughly, metric: 'toy/01-line:x'", "rule 'roughly' is none of about, clearly, range"),
+        ("printed: 4, rule: about, metric: 'toy/01-line:x', accept: {rel: 1}", "rule about says what is accepted"),
+        ("printed: four, rule: about, metric: 'toy/01-line:x'", "rule about needs a printed"),
+        (
+            "rule: clearly, compare: {left: 'toy/01-line:x', op: '>', right: 2}",
+            "rule clearly compares with one of 2, 0.5, not 1",
+        ),
+        ("requires: [b], reason: x", "it requires b, which is no claim of this ledger"),
+    ],
+)
+def test_an_entry_keeps_to_its_rule(toy, entry, sentence):
+    (toy / "book" / "rules.yml").write_text(RULES)
+    (toy / "book" / "toy" / "claims.yml").write_text(
+        f"- {{id: a, where: x, source: x, says: x, verdict: not-testable, {entry}}}"
+    )
+    with pytest.raises(Fault, match=f"^book/toy/claims.yml, claim a: {sentence}"):
+        claims.ledger(toy, "toy")
+
+
+def test_malformed_rules_name_the_file(toy):
+    for text in ("about: 5", "- about", "about: {between: [1, 2]}"):
+        (toy / "book" / "rules.yml").write_text(text)
+        with pytest.raises(Fault, match=r"^book/rules.yml: "):
+            claims.ledger(toy, "toy")
 
 
 def test_columns_that_nothing_fills_are_left_out_of_a_notebooks_claims(toy):
     numbers = {"line.mean": {"value": 49.0, "unit": "m"}}
     header, rows, caption = verdicts.of_notebook(toy, "toy/01-line", numbers, judged=True)
-    assert header == ["The paper says", "Printed", "Ours", "Verdict", "Why"] and len(rows[0]) == 5
+    assert header == ["The paper says", "Printed", "Ours", "Holds here", "Why"] and rows[0][3] == "yes"
     header, rows, caption = verdicts.of_notebook(toy, "toy/01-line", numbers, judged=False)
     assert header == ["The paper says", "Printed", "Ours"] and "nothing is judged" in caption
     assert rows == [["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m"]]

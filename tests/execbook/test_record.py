@@ -257,13 +257,52 @@ def test_verdicts_only_at_the_papers_scale(book, toy, capsys, monkeypatch):
     book.record("line.mean", 49.01, "m")
     record = shown(capsys, monkeypatch, book.verdicts)[display.TABLE_TYPE]
     assert record["name"] == "verdicts-01-line"
-    assert record["rows"] == [
-        ["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "reproduced", "accepted ±0.1 %"]
-    ]
+    assert record["rows"] == [["Table 1: the mean of the line", "49\u00a0m", "49.01\u00a0m", "yes", "accepted ±0.1 %"]]
     other = Notebook("toy/01-line", DEFAULTS | {"slope": 3.0})
     other.record("line.mean", 73.5, "m")
     record = shown(capsys, monkeypatch, other.verdicts)[display.TABLE_TYPE]
-    assert "Verdict" not in record["header"] and "nothing is judged" in record["caption"]
+    assert "Holds here" not in record["header"] and "nothing is judged" in record["caption"]
+
+
+READINGS = """
+- id: slope
+  asks: how steep is the line?
+  passage: section 2, not given
+  default: 2.0
+  range: [1.5, 2.5]
+- id: sign
+  asks: which way does it go?
+  passage: section 2, not given
+  default: up
+  options:
+  - {id: up, says: upwards}
+  - {id: down, says: downwards}
+"""
+
+
+def line_of(world):
+    return {"toy/01-line:line.mean": 24.5 * world["slope"] * (1 if world["sign"] == "up" else -1)}
+
+
+def test_claims_are_judged_in_worlds_of_the_readings(toy, book, capsys, monkeypatch):
+    (toy / "book" / "toy" / "readings.yml").write_text(READINGS)
+    ledger = toy / "book" / "toy" / "claims.yml"
+    ledger.write_text(ledger.read_text().replace("rel: 1e-3", "rel: 0.1"))
+    monkeypatch.setattr(book, "memo", lambda function: function)
+    bundles = []
+    monkeypatch.setattr(display, "show", bundles.append)
+    book.multiverse((line_of, 200), seed=1)
+    numbers = {key: entry["value"] for key, entry in book._metrics.items()}
+    assert numbers["worlds"] == numbers["count.mean"] == 200 and "share.steeper" not in numbers  # of another page too
+    assert numbers["part.sign.down.mean"] == 0.0
+    assert numbers["share.mean"] == pytest.approx(0.2, abs=3 * 0.028)  # half the signs, four tenths of the slopes
+    choices, shares = (b[display.TABLE_TYPE] for b in bundles[:2])
+    assert choices["name"] == "choices-toy" and choices["rows"][0][2] == "1.500 to 2.500, here 2.000"
+    assert choices["rows"][1][2] == "up (here): upwards; down: downwards"
+    assert shares["rows"][0][:1] + shares["rows"][0][2:4] == ["mean", "200", "sign"]
+    assert bundles[2][display.FIGURE_TYPE]["name"] == "shares-figure-toy"
+    with pytest.raises(Fault, match="recorded once"):
+        book.multiverse((line_of, 4), seed=1)
 
 
 def test_what_repeats_is_told(monkeypatch, book):

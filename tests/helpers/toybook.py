@@ -36,6 +36,7 @@ quick = {"frequency": 1.0}
 _CLAIMS = """
 - id: wave-rms
   where: Table 1
+  source: Table 1, first row
   says: the rms of the wave
   printed: 0.7071
   unit: m
@@ -44,6 +45,7 @@ _CLAIMS = """
   verdict: reproduced
 - id: wave-sound
   where: Fig. 2
+  source: caption of Fig. 2
   says: the wave sounds good
   reason: no loudspeaker was at hand
   verdict: not-testable
