@@ -115,6 +115,7 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
     over runs).
     """
     figure, axes = plt.subplots(1, len(points), figsize=(7.2, 3.6), sharey=True, squeeze=False)
+    words = "rate minus gyro rate, std [10⁻⁷ rad/s]" if len(points) < 3 else "difference [10⁻⁷ rad/s]"
     for axis, (preset, group) in zip(axes[0], points.items(), strict=True):
         for name, closeness, accuracy, spread in group:
             method = _look(name)
@@ -122,8 +123,8 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
                 1e7 * closeness, 1e6 * accuracy, 1e6 * spread, fmt=method.marker, color=method.colour, markersize=8,
                 capsize=3, label=method.label,
             )  # fmt: skip
-        axis.set(xlabel="rate minus gyro rate, std [10⁻⁷ rad/s]", title=preset, xlim=(0, None))
-        axis.margins(x=0.08)
+        widest = max(closeness for _, closeness, _, _ in group)
+        axis.set(xlabel=words, title=preset, xlim=(0, 1.1e7 * widest))
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
