@@ -101,7 +101,7 @@ def variance(factor: float, ratio: float = 1e4) -> float:
 
 @pytest.mark.parametrize(("factor", "kappa"), [(0.5, 1.32), (1.0, 2.64), (2.0, 5.28), (0.3, 2.3), (0.6, 2.7)])
 def test_which_is_the_more_accurate(factor, kappa):
-    fit = tunings.Fit(1e-3, factor, kappa)
+    fit = tunings.Gains(1e-3, factor, kappa)
     assert fit.closer_is_better == (variance(factor) < variance(kappa))
     assert variance(factor) == pytest.approx(0.5 * 100 * (factor + 1 / factor), rel=0.05)
 

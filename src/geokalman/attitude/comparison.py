@@ -80,7 +80,7 @@ def run(recording: Recording, satellite: str, tuning: Tuning, cutoff_hz: float =
     return numbers | statistics(recording, satellite, result)
 
 
-def settings(scenario: Scenario, tuning: Tuning, fit: tunings.Fit) -> tuple[Scenario, Tuning]:
+def settings(scenario: Scenario, tuning: Tuning, fit: tunings.Gains) -> tuple[Scenario, Tuning]:
     """Scenario and tuning with the gyro noise and the gains of a fit."""
     noise = fit.arw_deg_sqrt_h
     return (
@@ -90,7 +90,7 @@ def settings(scenario: Scenario, tuning: Tuning, fit: tunings.Fit) -> tuple[Scen
 
 
 def table(
-    scenario: Scenario, tuning: Tuning, fit: tunings.Fit, n_seeds: int, seed0: int, satellite: str = "both",
+    scenario: Scenario, tuning: Tuning, fit: tunings.Gains, n_seeds: int, seed0: int, satellite: str = "both",
     data_dir: str = "",
 ) -> Table:  # fmt: skip
     """Statistics of both products with the gyro noise and the gains of a fit, mean and spread over runs.

@@ -108,9 +108,9 @@ def common_frame(raw: Telemetry, pair: Sequence[int]) -> Array:
     seen = [matrix(raw.q_camera[c])[:, :, 2] for c in (i, k)]
     known = matrix(raw.q_qsa)[[i, k], 2]
 
-    def frame(one: Array, other: Array) -> Array:
-        x = one + other
-        y = one - other
+    def frame(first: Array, second: Array) -> Array:
+        x = first + second
+        y = first - second
         x, y = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (x, y))
         return np.stack([x, y, np.cross(x, y)], axis=-1)
 

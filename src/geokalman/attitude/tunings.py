@@ -23,7 +23,7 @@ REDUCED = math.sqrt(3.0) / 2.0
 """Noise of a rate reduced from four axes over that of one gyro."""
 
 
-class Fit(NamedTuple):
+class Gains(NamedTuple):
     """Angle random walk of one gyro [deg/sqrt(h)], and the factors on it that both filters assume."""
 
     arw_deg_sqrt_h: float
@@ -88,7 +88,7 @@ def difference(N: float, factor: float, window: str = "matched", cutoff_hz: floa
     return N * math.sqrt(gain * factor**2 + mismatch)
 
 
-def fit(apm: float, jpl: float, apm_factor: float = 1.0, window: str = "matched", cutoff_hz: float = 0.0) -> Fit:
+def fit(apm: float, jpl: float, apm_factor: float = 1.0, window: str = "matched", cutoff_hz: float = 0.0) -> Gains:
     """Gyro noise and kappa with which the two differences have the printed levels, for one factor of the first filter.
 
     apm, jpl : printed standard deviations [rad/s], jpl the larger; cutoff_hz : low-pass of the second product alone.
@@ -99,7 +99,7 @@ def fit(apm: float, jpl: float, apm_factor: float = 1.0, window: str = "matched"
     rest = (jpl / N) ** 2 - mismatch
     if not (0 < apm < jpl and rest > 0):
         raise ValueError(f"levels of {apm:g} and {jpl:g} rad/s: no gain of the second filter gives the second of them.")
-    return Fit(N / REDUCED / arw_density(1.0), apm_factor, math.sqrt(rest / gain))
+    return Gains(N / REDUCED / arw_density(1.0), apm_factor, math.sqrt(rest / gain))
 
 
 def crossing(apm: float, jpl: float, window: str = "matched") -> float:
