@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from geokalman.attitude import assess, effect, estimate, experiment, pointing
+from execbook.ledger import ledger
+from execbook.project import root
+from geokalman.attitude import assess, comparison, effect, estimate, experiment, pointing
 from geokalman.attitude.experiment import angles_of
-from geokalman.attitude.model import PHASE_CENTRE, Scenario, Tuning, arw_density
+from geokalman.attitude.model import PHASE_CENTRE, Scenario, Tuning
 from geokalman.attitude.truth import increments
 from geokalman.physics.quaternion import exp, log, matrix, multiply
 
@@ -92,31 +96,32 @@ def test_the_papers_pointing_differs_by_constants(hours, satellite, pitch, yaw):
     assert apart.std(axis=0).max() < 2e-7
 
 
-def test_closeness_to_the_gyro_follows_from_the_gain(hours, solved):
-    """I1: 0.71 N sqrt(1 + kappa^2) for the filter, 0.71 N for the smoother, which keeps the gyro's part alone."""
-    N = arw_density(7e-4) * np.sqrt(3) / 2
-    for s in "CD":
-        for name, expected in (("mekf", N), ("jpl_like", N * np.sqrt(5)), ("rts", N / np.sqrt(2))):
-            apart = assess.rate_difference(solved[s].solutions[name], solved[s])[600:-600]
-            np.testing.assert_allclose(assess.std(apart), expected, rtol=0.04)
-
-
-def test_a_filter_that_copies_the_gyro_has_no_difference_and_a_bad_attitude(hours, solved, tuning):
-    """I1, at its limit: gyro increments summed from the first camera on."""
-    d = solved["C"].measured.d
-    q = [solved["C"].measured.z[int(np.argmax(np.isfinite(solved["C"].measured.z[:, 0])))]]
-    for step in d:
-        q.append(multiply(q[-1], exp(step)))
-    copied = estimate.Estimate(
-        np.array(q), np.zeros((len(q), 3)), np.zeros((len(q), 3, 3)), np.zeros(len(q)), np.zeros(len(q), bool)
-    )
+def test_a_filter_that_copies_the_gyro_has_no_difference_and_a_bad_attitude(hours, solved):
+    """Words 1: gyro increments summed from the first camera on."""
+    copied = comparison.gyro_copy(solved["C"])
     sound = solved["C"].solutions["mekf"]
-    assert assess.std(assess.rate_difference(copied, solved["C"])[600:-600]).max() < 1.3e-7
+    assert assess.std(assess.rate_difference(copied, solved["C"])[600:-600]).max() < 1e-14
     truth = hours.true_attitude("C")
     assert (
         assess.rms(assess.error(copied.q, truth)).mean()
         > 20 * assess.rms(assess.error(sound.q, truth)[600:-600]).mean()
     )
+
+
+def test_a1_as_it_stands_in_the_text_is_no_sum():
+    """The formulas are those of the ledger's erratum."""
+    entries = {entry.id: entry for entry in ledger(root(Path(__file__).parent), "gracefo-attitude")}
+    rng = np.random.default_rng(3)
+    q, p = rng.standard_normal((2, 4))
+
+    def value(formula):
+        pairs = re.findall(r"q_(\d)\\pm p_(\d)", formula)
+        assert len(pairs) == 4
+        return np.array([q[int(i)] + p[int(k)] for i, k in pairs])
+
+    erratum = entries["erratum-a1-sum"]
+    np.testing.assert_array_equal(value(erratum.should), q + p)
+    assert (np.abs(value(erratum.text) - (q + p)) > 1e-3).sum() == 3
 
 
 def test_drag_and_radiation_cannot_make_the_printed_mean(hours):

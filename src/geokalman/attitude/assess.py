@@ -6,16 +6,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from geokalman.attitude import pointing
+from geokalman.attitude import gyro, pointing
 from geokalman.attitude.estimate import Estimate, Processed
-from geokalman.attitude.model import AXES, Array
+from geokalman.attitude.model import AXES, GYRO_HZ, Array
 from geokalman.kalman.consistency import chi_square_bounds, nees
-from geokalman.physics.quaternion import difference
+from geokalman.physics.quaternion import difference, exp, log, multiply
 
 EDGE_S = 600.0
 BAND = (0.01, 0.1)
 WIDE_BAND = (0.004, 0.2)  # Hz: where the paper finds its product below the official one
 SMOOTHERS = ("rts",)
+WINDOWS = ("matched", "half", "sampled")
+"""Over what the gyro rate is a mean that rates of an attitude are held against, see `gyro_rates`."""
 
 
 def inner(n: int, dt: float = 1.0, edge_s: float = EDGE_S) -> slice:
@@ -44,9 +46,27 @@ def by_axis(prefix: str, values: Array) -> dict[str, float]:
     return {f"{prefix}.{axis}": float(value) for axis, value in zip(AXES, values, strict=True)}
 
 
-def rate_difference(solution: Estimate, result: Processed) -> Array:
-    """Rates of a solution by central differences minus the mean gyro rates (n - 2, 3) [rad/s]."""
-    return pointing.rates(solution.q, result.measured.dt) - result.rates[1:-1]
+def gyro_rates(result: Processed, window: str = "matched") -> Array:
+    """Gyro rates (n - 2, 3) [rad/s] at the inner epochs of a run, to be held against rates of its attitudes.
+
+    window : matched, the mean over the two steps that a central difference of attitudes spans; half, the mean over
+    +-0.5 s (NaN where lost); sampled, the five-point rate (1) at the epoch itself (of whole seconds only). Raises
+    ValueError for another window.
+    """
+    if window == "matched":
+        d = exp(result.measured.d)
+        return log(multiply(d[:-1], d[1:])) / (2 * result.measured.dt)
+    if window == "half":
+        return result.rates[1:-1]
+    if window == "sampled":
+        stride = round(GYRO_HZ * result.measured.dt)
+        return GYRO_HZ * gyro.five_point(result.increments).d[stride::stride][: len(result.t) - 2]
+    raise ValueError(f"window = {window!r} is unknown; give one of {', '.join(WINDOWS)}.")
+
+
+def rate_difference(solution: Estimate, result: Processed, window: str = "matched") -> Array:
+    """Rates of a solution by central differences minus the gyro rates of a window (n - 2, 3) [rad/s]."""
+    return pointing.rates(solution.q, result.measured.dt) - gyro_rates(result, window)
 
 
 def nees_of(solution: Estimate, reference: Array, bias: Array | None = None) -> Array:
@@ -65,6 +85,8 @@ def statistics(
 ) -> dict[str, float]:
     """Every number of one satellite's run that the notebooks record, by dotted name.
 
+    Differences to the gyros have the names of `WINDOWS` before them, matched ones none.
+
     truth : (n, 4) true attitudes at the epochs of the result, bias : (n, 3) true gyro biases [rad/s], or None. Without
     the truth, differences count from `smoothed` (n, 4), or from the run's own smoother, which then has none of its own;
     rates and NEES against the truth are left out. Epochs at an edge of the clock do not count.
@@ -81,11 +103,13 @@ def statistics(
     for name, solution in result.solutions.items():
         if reference is not None and not (own and name == "rts"):
             out |= by_axis(f"attitude_rms.{name}", rms(error(solution.q, reference)[keep][sound]))
-        apart = rate_difference(solution, result)[rates_keep]
-        out |= by_axis(f"rate_minus_imu.{name}", std(apart[sound_rates]))
-        if np.isfinite(apart).all():
-            out |= by_axis(f"band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
-            out |= by_axis(f"wide_band_minus_imu.{name}", pointing.band(apart, dt, *WIDE_BAND))
+        for window in WINDOWS:
+            apart = rate_difference(solution, result, window)[rates_keep]
+            start = "" if window == "matched" else f"{window}."
+            out |= by_axis(f"{start}rate_minus_imu.{name}", std(apart[sound_rates]))
+            if np.isfinite(apart).all():
+                out |= by_axis(f"{start}band_minus_imu.{name}", pointing.band(apart, dt, *BAND))
+                out |= by_axis(f"{start}wide_band_minus_imu.{name}", pointing.band(apart, dt, *WIDE_BAND))
         if name not in SMOOTHERS:
             out[f"nis3.{name}"] = float(np.nanmean(solution.nis[keep][sound]) / 3)
         if truth is not None:

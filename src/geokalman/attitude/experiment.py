@@ -170,30 +170,33 @@ def camera_errors(
 
     Names: single.<1|2|3>.rms.<axis>, combined.<12|13|23|123>.<rms|mean|std>.<axis>, valid.<1|2|3>, seen.<0..3>.
     """
-    runs = []
-    for recording, s in per_satellite(scenario, n_seeds, seed0, satellite, data_dir):
-        raw = recording.raw[s]
-        q = cameras.in_satellite_axes(raw)
-        keep = np.isfinite(q).all(axis=(0, 2))
-        edge = assess.inner(len(keep), 0.5)
-        keep[: edge.start] = keep[edge.stop :] = False
-        q_true = reference_at(recording, s, raw.t_camera, tuning)
-        run: dict[str, float] = {}
-        for i in range(3):
-            run |= assess.by_axis(f"single.{i + 1}.rms", assess.rms(difference(q[i], q_true)[keep]))
-            run[f"valid.{i + 1}"] = float(np.isfinite(q[i, :, 0]).mean())
-        count = np.isfinite(q[:, :, 0]).sum(axis=0)
-        run |= {f"seen.{k}": float((count == k).mean()) for k in range(4)}
-        means = []
-        for use in ((1, 2), (1, 3), (2, 3), (1, 2, 3)):
-            e = difference(cameras.combination(raw, tuning, use).q, q_true)[keep]
-            name = "combined." + "".join(map(str, use))
-            run |= assess.by_axis(f"{name}.rms", assess.rms(e)) | assess.by_axis(f"{name}.mean", e.mean(axis=0))
-            run |= assess.by_axis(f"{name}.std", e.std(axis=0))
-            means.append(e.mean(axis=0))
-        spread = np.ptp(means, axis=0)
-        runs.append(run | assess.by_axis("spread", spread) | {"spread.largest": float(spread.max())})
-    return assess.table_of(runs)
+    flown = per_satellite(scenario, n_seeds, seed0, satellite, data_dir)
+    return assess.table_of([camera_run(recording, s, tuning) for recording, s in flown])
+
+
+def camera_run(recording: Recording, satellite: str, tuning: Tuning) -> dict[str, float]:
+    """What `camera_errors` averages, of one satellite of one flight."""
+    raw = recording.raw[satellite]
+    q = cameras.in_satellite_axes(raw)
+    keep = np.isfinite(q).all(axis=(0, 2))
+    edge = assess.inner(len(keep), 0.5)
+    keep[: edge.start] = keep[edge.stop :] = False
+    q_true = reference_at(recording, satellite, raw.t_camera, tuning)
+    run: dict[str, float] = {}
+    for i in range(3):
+        run |= assess.by_axis(f"single.{i + 1}.rms", assess.rms(difference(q[i], q_true)[keep]))
+        run[f"valid.{i + 1}"] = float(np.isfinite(q[i, :, 0]).mean())
+    count = np.isfinite(q[:, :, 0]).sum(axis=0)
+    run |= {f"seen.{k}": float((count == k).mean()) for k in range(4)}
+    means = []
+    for use in ((1, 2), (1, 3), (2, 3), (1, 2, 3)):
+        e = difference(cameras.combination(raw, tuning, use).q, q_true)[keep]
+        name = "combined." + "".join(map(str, use))
+        run |= assess.by_axis(f"{name}.rms", assess.rms(e)) | assess.by_axis(f"{name}.mean", e.mean(axis=0))
+        run |= assess.by_axis(f"{name}.std", e.std(axis=0))
+        means.append(e.mean(axis=0))
+    spread = np.ptp(means, axis=0)
+    return run | assess.by_axis("spread", spread) | {"spread.largest": float(spread.max())}
 
 
 def weights(

@@ -27,13 +27,13 @@ def _thin(n: int) -> int:
 def series_and_spectra(
     t: Array, series: Mapping[str, Array], dt: float, unit: str, scale: float, rows: Sequence[str] = AXES,
     show_s: float = 0.0,
-    band: tuple[float, float] | None = None, labels: Mapping[str, str] | None = None,
+    band: tuple[float, float] | None = None, labels: Mapping[str, str] | None = None, segment_s: float = 2048.0,
 ) -> Figure:  # fmt: skip
     """One row per component: series against time on the left, its amplitude spectral density on the right.
 
     series : method -> (n, k) with k = len(rows), in SI; scale : factor to `unit`; show_s : span of the left panels [s],
-    0 for all; band : frequencies shaded on the right; labels : of methods that are not to be called by their own. Gaps
-    (NaN) are bridged for the spectrum only.
+    0 for all; band : frequencies shaded on the right; labels : of methods that are not to be called by their own;
+    segment_s : of the spectrum [s], which starts at its inverse. Gaps (NaN) are bridged for the spectrum only.
     """
     figure, axes = plt.subplots(len(rows), 2, figsize=(7.2, 1.6 + 1.65 * len(rows)), sharex="col", squeeze=False)
     shown = (t - t[0] <= show_s) if show_s else np.ones(len(t), bool)
@@ -41,7 +41,7 @@ def series_and_spectra(
         method = _look(name)
         values = values.reshape(len(t), len(rows))
         label = (labels or {}).get(name, method.label)
-        f, density = asd(_bridged(values), dt)
+        f, density = asd(_bridged(values), dt, segment_s)
         k = _thin(int(shown.sum()))
         for row in range(len(rows)):
             axes[row, 0].plot(
@@ -115,6 +115,7 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
     over runs).
     """
     figure, axes = plt.subplots(1, len(points), figsize=(7.2, 3.6), sharey=True, squeeze=False)
+    words = "rate minus gyro rate, std [10⁻⁷ rad/s]" if len(points) < 3 else "difference [10⁻⁷ rad/s]"
     for axis, (preset, group) in zip(axes[0], points.items(), strict=True):
         for name, closeness, accuracy, spread in group:
             method = _look(name)
@@ -122,8 +123,8 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
                 1e7 * closeness, 1e6 * accuracy, 1e6 * spread, fmt=method.marker, color=method.colour, markersize=8,
                 capsize=3, label=method.label,
             )  # fmt: skip
-        axis.set(xlabel="rate minus gyro rate, std [10⁻⁷ rad/s]", title=preset, xlim=(0, None))
-        axis.margins(x=0.08)
+        widest = max(closeness for _, closeness, _, _ in group)
+        axis.set(xlabel=words, title=preset, xlim=(0, 1.1e7 * widest))
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))

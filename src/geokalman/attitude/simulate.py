@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -121,11 +122,22 @@ def observe(truth: Truth, satellite: str, scenario: Scenario, rng: np.random.Gen
     return known, Telemetry(satellite, EPOCH_2019, t_camera, q_camera, mounting(scenario.mount), t_gyro, gyro)
 
 
-def simulate(scenario: Scenario, seed: int) -> Recording:
-    """Truth on the 8 Hz grid and sensor data of both satellites, run `seed` of an ensemble."""
+def simulate(scenario: Scenario, seed: int, satellites: Sequence[str] = SATELLITES) -> Recording:
+    """Truth on the 8 Hz grid and sensor data, run `seed` of an ensemble.
+
+    satellites : those whose sensors are simulated; both fly, and each gets the same data whatever the other does.
+    """
     truth_rng, *sensor_rngs = np.random.default_rng(seed).spawn(3)
     motion = fly(scenario, truth_rng)
-    seen = {s: observe(motion[s], s, scenario, child) for s, child in zip(SATELLITES, sensor_rngs, strict=True)}
-    truth, raw = ({s: pair[k] for s, pair in seen.items()} for k in (0, 1))
+    rngs = dict(zip(SATELLITES, sensor_rngs, strict=True))
+    seen = {s: observe(motion[s], s, scenario, rngs[s]) for s in satellites}
+    truth = motion | {s: known for s, (known, _) in seen.items()}
     at = {s: truth[s].at(1, scenario.duration_s) for s in SATELLITES}
+    raw = {s: telemetry for s, (_, telemetry) in seen.items()}
     return Recording(at["C"].t, raw, {s: at[s].r for s in SATELLITES}, {s: at[s].v for s in SATELLITES}, truth)
+
+
+def mounting_errors(seed: int, satellite: str) -> Array:
+    """Mounting errors (3, 3) of the cameras of a flight, in units of `mount_err_rad`, as `cameras` draws them."""
+    rng = np.random.default_rng(seed).spawn(3)[1 + SATELLITES.index(satellite)]
+    return rng.spawn(2)[1].spawn(5)[2].standard_normal((3, 3))
