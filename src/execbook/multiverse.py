@@ -290,15 +290,29 @@ def shares_table(entries: Iterable[Claim], shares: Mapping[str, Share]) -> tuple
     return ["claim", "share (%)", "worlds", "decided by", "share by option (%)"], rows, caption
 
 
-def draw_shares(entries: Sequence[Claim], shares: Mapping[str, Share]) -> Any:
+def sorted_shares(entries: Iterable[Claim], shares: Mapping[str, Share]) -> list[tuple[str, Share]]:
+    """List entries and their shares, the smallest first."""
+    listed = [(entry.id, shares[entry.id]) for entry in entries if entry.id in shares]
+    return sorted(listed, key=lambda pair: (pair[1].part, pair[1].error, pair[0]))
+
+
+def columns(listed: Sequence[tuple[str, Share]]) -> dict[str, list[Any]]:
+    """Give the columns of the figure's data."""
+    return {
+        "claim": [name for name, _ in listed],
+        "share_percent": [100.0 * share.part for _, share in listed],
+        "error_percent": [100.0 * share.error for _, share in listed],
+    }
+
+
+def draw_shares(listed: Sequence[tuple[str, Share]]) -> Any:
     """Draw the shares as bars, the largest on top, with the limits of the verdicts."""
     from matplotlib.figure import Figure
 
-    listed = sorted((shares[e.id].part, shares[e.id].error, e.id) for e in entries if e.id in shares)
-    parts, errors, names = zip(*listed, strict=True)
+    names, parts, errors = columns(listed).values()
     figure = Figure(figsize=(7.0, 1.2 + 0.19 * len(names)), layout="constrained")
     axes = figure.add_subplot()
-    axes.barh(names, [100 * p for p in parts], xerr=[100 * e for e in errors], height=0.7, error_kw={"linewidth": 0.8})
+    axes.barh(names, parts, xerr=errors, height=0.7, error_kw={"linewidth": 0.8})
     for limit in (10, 90):
         axes.axvline(limit, linestyle="--", linewidth=0.8, color="0.5")
     axes.set(xlabel="share of the worlds in which the claim holds (%)", xlim=(0, 100), ylim=(-0.6, len(names) - 0.4))

@@ -237,7 +237,11 @@ class Notebook:
         self.record("worlds", max(size for _, size in runs))
         self.table(f"choices-{paper}", *multiverse.choices_table(declared))
         self.table(f"shares-{paper}", *multiverse.shares_table(entries, shares))
-        self.figure(f"shares-figure-{paper}", multiverse.draw_shares, entries, shares, **multiverse.SHARES_WORDS)
+        listed = multiverse.sorted_shares(entries, shares)
+        self.figure(
+            f"shares-figure-{paper}", multiverse.draw_shares, listed, data=multiverse.columns(listed),
+            **multiverse.SHARES_WORDS,
+        )  # fmt: skip
 
     def finish(self) -> None:
         """Write the record whole into the folder `out`; raises Fault, leaving what stood there."""
