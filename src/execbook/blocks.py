@@ -128,12 +128,16 @@ def _near_claims(root: Path) -> str:
     """List the claims whose number lies near a threshold, the nearest first."""
     rows = []
     found = [j for paper in claims.papers(root) for j in claims.judge_paper(root, paper) if j.is_near]
-    for judged in sorted(found, key=lambda j: j.margin):
+    for judged in sorted(found, key=lambda j: (j.share is not None, j.margin or 0.0)):
         says, _, ours, verdict, why = verdicts.row(judged)
-        rows.append([says, ours, verdict, f"{100 * judged.margin:.2g} %", why])
+        distance = "share within its error" if judged.share else f"{100 * judged.margin:.2g} %"
+        rows.append([says, ours, verdict, distance, why])
     table = claims_table(["The paper says", "Ours", "Verdict", "Distance", "Why"], rows)
     return table_directive(
-        f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them.", "claims-near", table
+        f"Claims within {100 * claims.NEAR:g} % of the threshold that decides them, or with a share within its error "
+        "of a limit.",
+        "claims-near",
+        table,
     )
 
 

@@ -40,7 +40,9 @@ class Judgement(NamedTuple):
 
     @property
     def is_near(self) -> bool:
-        """Tell whether our number lies within `NEAR` of a threshold."""
+        """Tell whether our number lies within `NEAR` of a threshold, or the share within its error of a limit."""
+        if self.share is not None:
+            return any(abs(self.share.part - limit) <= self.share.error for limit in (OFTEN, SELDOM))
         return self.margin is not None and self.margin <= NEAR
 
 

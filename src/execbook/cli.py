@@ -120,7 +120,7 @@ def claims(
     paper: Annotated[str | None, typer.Argument(help="A paper (default: all).")] = None,
     as_json: AsJson = False,
     readme: Annotated[bool, typer.Option("--readme", help="Write the summary into README.md.")] = False,
-    near: Annotated[bool, typer.Option("--near", help="Only claims within 2 % of a threshold.")] = False,
+    near: Annotated[bool, typer.Option("--near", help="Only claims near a threshold.")] = False,
 ) -> None:
     """The ledger: what each paper prints, our number, and the verdict."""
     from execbook import atomic, claims, contents, verdicts
@@ -153,7 +153,8 @@ def _print_claim(judgement) -> None:
     wanted = claim.verdict or ("holds" if claim.holds else "does not hold")
     expected = "" if judgement.as_expected else f" (expected {wanted.replace('-', ' ')})"
     print(f"{judgement.claim.id}: {outcome}{expected}")
-    distance = f"{100 * judgement.margin:.2g} % from its threshold" if judgement.is_near else ""
+    margin = f"{100 * (judgement.margin or 0.0):.2g} % from its threshold"
+    distance = ("share within its error of a limit" if judgement.share else margin) if judgement.is_near else ""
     numbers = "; ".join(f"{word} {text}" for word, text in (("printed", printed), ("ours", ours)) if text)
     width = min(int(os.environ.get("COLUMNS") or _WIDE), _WIDE)
     for text in filter(None, (says, numbers, distance, why)):

@@ -156,7 +156,7 @@ def test_claims_near_their_threshold_are_listed(toy_root: Path) -> None:
     path.write_text(given.replace("printed: 0.7071", "printed: 0.7"))
     listed = blocks.fill("<!-- near-claims -->", toy_root)
     assert "| Table 1: the rms of the wave" in listed and "| not reproduced | 0.016 % |" in listed
-    assert listed.startswith("\n```{table} Claims within 2 % of the threshold that decides them.\n:name: claims-near")
+    assert listed.startswith("\n```{table} Claims within 2 % of the threshold that decides them, or with a share ")
 
 
 def test_kinds_of_guards_are_counted(toy_root: Path) -> None:

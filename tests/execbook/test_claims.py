@@ -349,6 +349,14 @@ def test_a_share_of_the_readings_decides(change, ours, part, verdict):
 
 
 @pytest.mark.parametrize(
+    ("part", "near"), [(0.9, True), (0.87, True), (0.92, True), (0.8, False), (0.1, True), (0.12, True), (1.0, False)]
+)
+def test_a_share_within_its_error_of_a_limit_is_near(part, near):
+    judged = claims.judge(make(), metrics(2.19), multiverse.Share(part, 100, {}, None))
+    assert judged.is_near is near  # though the number of the one world is near its threshold
+
+
+@pytest.mark.parametrize(
     ("change", "sentence"),
     [
         ({"kind": "control"}, "a claim has a verdict, a control or an erratum has none"),
