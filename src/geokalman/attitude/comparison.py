@@ -61,9 +61,9 @@ def statistics(recording: Recording, satellite: str, result: Processed) -> dict[
             out |= assess.by_axis(f"drop.{name}", _drop(values))
     angles = {name: angles_of(recording, satellite, values)[keep] for name, values in q.items()}
     if all(np.isfinite(values).all() for values in angles.values()):
-        for word, band in (("tail", TAIL), ("below", BELOW)):
+        for key, band in (("tail", TAIL), ("below", BELOW)):
             density = {name: pointing.band(values, 1.0, *band) for name, values in angles.items()}
-            out |= assess.by_axis(word, density["jpl_like"] / density["akf7"])
+            out |= assess.by_axis(key, density["jpl_like"] / density["akf7"])
     return out
 
 
@@ -118,9 +118,9 @@ def fitted_numbers(numbers: Mapping[str, tuple[float, float]], window: str = "ma
             out[f"attitude_rms.{name}"] = mean(f"attitude_rms.{name}"), "rad"
     for axis in AXES:
         out[f"rate.gyro.{axis}"] = numbers[f"rate.gyro.{axis}"][0], "rad/s"
-    for word in ("tail", "below"):
-        if f"{word}.roll" in numbers:
-            out[f"{word}.jpl_over_apm"] = mean(word), ""
+    for key in ("tail", "below"):
+        if f"{key}.roll" in numbers:
+            out[f"{key}.jpl_over_apm"] = mean(key), ""
     for name in (*PAIR, "gyro"):
         if f"drop.{name}.roll" in numbers:
             out[f"drop.{name}"] = mean(f"drop.{name}"), ""

@@ -72,8 +72,8 @@ def metrics(world: World) -> dict[str, float]:
     recording = simulate.simulate(scenario, chosen.flight, ("C",))
     errors = experiment.camera_run(recording, "C", tuning)
     numbers = {f"{PART}/01-single-cameras:{key}": v for key, v in single_cameras(recording, tuning, errors).items()}
-    found = combined(recording, tuning, errors, world["single"]) | spreads(world, chosen, tuning)
-    numbers |= {f"{PART}/02-combination:{key}": v for key, v in found.items()}
+    pairs = combined(recording, tuning, errors, world["single"]) | spreads(world, chosen, tuning)
+    numbers |= {f"{PART}/02-combination:{key}": v for key, v in pairs.items()}
     rates = assess.table_of([comparison.run(recording, "C", tuning, cutoff)])
     fitted = comparison.fitted_numbers(rates, world["window"])
     numbers |= {f"{PART}/05-rates:fitted.{key}": v for key, (v, _) in fitted.items()}
