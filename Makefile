@@ -41,7 +41,7 @@ test: ## the whole suite, quick notebooks included
 check: ## paper-scale results against stored references and claims; the built book in a browser
 	@$(ENV) test
 	$(BIN)/geokalman check
-	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m browser tests/book
+	GEOKALMAN_BOOK=book/_build/html $(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m browser tests/book
 
 reference: env ## renew the stored references in all computing settings, print what changed: make reference REASON="why" [NB=paper/notebook]
 	@test -n "$(REASON)" || { echo 'A renewed reference needs a reason, as in: make reference REASON="why the numbers moved"'; exit 2; }
