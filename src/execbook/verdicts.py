@@ -195,7 +195,7 @@ def _linked(paper: str, judgement: Judgement, here: str) -> list[str]:
 
 
 def settled(root: Path) -> tuple[list[str], list[list[str]]]:
-    """Rank what the papers leave open by the number of claims that it decides: header and rows."""
+    """Rank what the papers leave open by the number of claims that it decides, for a page at the root."""
     header = ["Paper", "What is not said", "Where", "Decides", "Claims", "Where most claims hold together"]
     rows = []
     for paper in papers(root):
@@ -207,8 +207,8 @@ def settled(root: Path) -> tuple[list[str], list[list[str]]]:
             key = re.compile(rf"most\.(?:\d+\.)?{choice.id}\.([a-z0-9-]+)")
             match = {m[1]: entry["value"] for name, entry in numbers.items() if (m := key.fullmatch(name))}
             parts = ", ".join(f"{g} {round(100 * p)}{display.NBSP}%" for g, p in sorted(match.items()) if p)
-            names = ", ".join(f"[{name}](/{paper}/index.md#claim-{name})" for name in decided)
-            title = f"[{contents.title(root, f'{paper}/index')}](/{paper}/{READINGS}.md)"
+            names = ", ".join(f'<a href="{paper}/index.html#claim-{name}">{name}</a>' for name in decided)
+            title = f"{{doc}}`{contents.title(root, f'{paper}/index')} </{paper}/{READINGS}>`"
             rows.append([title, escaped(choice.asks), escaped(choice.passage), str(len(decided)), names, parts])
     return header, sorted(rows, key=lambda row: -int(row[3]))
 
