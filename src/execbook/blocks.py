@@ -113,7 +113,7 @@ def _all_claims(root: Path) -> str:
 
 def _settled(root: Path) -> str:
     """Show what the papers leave open, by the number of claims that it decides."""
-    table = display.markdown_table(*verdicts.settled(root), ["left"] * 3 + ["right", "left", "left"])
+    table = display.markdown_table(*verdicts.settled(root))
     return table_directive("What the papers leave open, by the number of claims that it decides.", "settled", table)
 
 

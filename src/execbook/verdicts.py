@@ -196,7 +196,7 @@ def _linked(paper: str, judgement: Judgement, here: str) -> list[str]:
 
 def settled(root: Path) -> tuple[list[str], list[list[str]]]:
     """Rank what the papers leave open by the number of claims that it decides, for a page at the root."""
-    header = ["Paper", "What is not said", "Where", "Decides", "Claims", "Where most claims hold together"]
+    header = ["Paper", "What is not said", "Claims", "Where most claims hold together"]
     rows = []
     for paper in papers(root):
         if not (root / "book" / paper / "readings.yml").is_file():
@@ -209,8 +209,10 @@ def settled(root: Path) -> tuple[list[str], list[list[str]]]:
             parts = ", ".join(f"{g} {round(100 * p)}{display.NBSP}%" for g, p in sorted(match.items()) if p)
             names = ", ".join(f'<a href="{paper}/index.html#claim-{name}">{name}</a>' for name in decided)
             title = f"{{doc}}`{contents.title(root, f'{paper}/index')} </{paper}/{READINGS}>`"
-            rows.append([title, escaped(choice.asks), escaped(choice.passage), str(len(decided)), names, parts])
-    return header, sorted(rows, key=lambda row: -int(row[3]))
+            asks = f"{escaped(choice.asks)}<br><small>{escaped(choice.passage)}</small>"
+            listed = f"<details><summary>{len(decided)}</summary><small>{names}</small></details>" if decided else "0"
+            rows.append((len(decided), [title, asks, listed, parts]))
+    return header, [row for _, row in sorted(rows, key=lambda pair: -pair[0])]
 
 
 def escaped(text: str) -> str:
