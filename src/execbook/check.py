@@ -83,7 +83,7 @@ def _check_guards(root: Path, paper: str, report: Report) -> None:
 
 def _check_claims(root: Path, paper: str, report: Report) -> None:
     judgements = claims.judge_paper(root, paper)
-    report.claims += len(judgements)
+    report.claims += sum(j.claim.kind == "claim" for j in judgements)
     report.near += sum(j.is_near for j in judgements)
     for j in judgements:
         if not j.as_expected:
