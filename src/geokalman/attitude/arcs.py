@@ -64,31 +64,16 @@ class Departure(NamedTuple):
 def departures(acceleration: float, duration: float, altitude: float = 490e3, phases: int = 36) -> Departure:
     """Departure from a polar circular orbit by a constant inertial acceleration in its plane, for phases of its start.
 
-    Hill's equations, radial and along-track, by the classical Runge-Kutta method at 10 s; the force turns once a
-    revolution in the orbital frame. fixed : both orbits start alike; estimated : the initial state (four components in
-    the plane) is fitted to the arc by least squares, as in the adjustment of every arc.
+    The motion is that of `effect.hill_course`. fixed : both orbits start alike; estimated : the initial state (four
+    components in the plane) is fitted to the arc by least squares, as in the adjustment of every arc.
     """
     n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
-    start = 2 * np.pi * np.arange(phases) / phases
+    start = np.zeros((4, phases + 4))
+    start[:, phases:] = np.diag([1.0, 1.0, n, n])  # the four free motions, beside the forced ones
     forced = np.concatenate([np.full(phases, acceleration), np.zeros(4)])
-    angle = np.concatenate([start, np.zeros(4)])
-
-    def rate(t: float, x: Array) -> Array:
-        up, along = forced * np.sin(n * t + angle), forced * np.cos(n * t + angle)
-        return np.array([x[2], x[3], 3 * n * n * x[0] + 2 * n * x[3] + up, -2 * n * x[2] + along])
-
-    x, h = np.zeros((4, phases + 4)), 10.0
-    x[:, phases:] = np.diag([1.0, 1.0, n, n])  # the four free motions, beside the forced ones
-    course = [x]
-    for k in range(round(duration / h)):
-        t = k * h
-        k1 = rate(t, x)
-        k2 = rate(t + h / 2, x + h / 2 * k1)
-        k3 = rate(t + h / 2, x + h / 2 * k2)
-        k4 = rate(t + h, x + h * k3)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        course.append(x)
-    place = np.array(course)[:, :2].reshape(-1, phases + 4)  # radial and along-track, one below the other
+    angle = np.concatenate([2 * np.pi * np.arange(phases) / phases, np.zeros(4)])
+    course = effect.hill_course(forced, angle, start, duration, altitude)
+    place = course[:, :2].reshape(-1, phases + 4)  # radial and along-track, one below the other
     moved, free = place[:, :phases], place[:, phases:]
     left = moved - free @ np.linalg.lstsq(free, moved, rcond=None)[0]
     fixed, estimated = (np.linalg.norm(y.reshape(-1, 2, phases), axis=1).max(axis=0) for y in (moved, left))

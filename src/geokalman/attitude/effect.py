@@ -73,28 +73,34 @@ def range_rate_difference(
     return (antenna[k + step] - antenna[k]) / step + integral[k + step // 2]
 
 
-def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
-    """Largest departure [m] from a polar circular orbit by a constant inertial acceleration in Z.
+def hill_course(force: Array, phase: Array, start: Array, duration: float, altitude: float) -> Array:
+    """Motions about a polar circular orbit under constant inertial forces in its plane (steps + 1, 4, m).
 
-    The linearised motion about the orbit (Hill's equations) with the force turning once a revolution in the orbital
-    frame, integrated by the classical Runge-Kutta method at 10 s.
+    Hill's equations, radial and along-track place and velocity [m, m/s], by the classical Runge-Kutta method at 10 s;
+    a force turns once a revolution in the orbital frame. force : (m,) [m/s^2]; phase : (m,) of the orbit at the start
+    [rad]; start : (4, m).
     """
     n = float(np.sqrt(GM_EARTH / (R_EARTH + altitude) ** 3))
 
     def rate(t: float, x: Array) -> Array:
-        up, along = acceleration * np.sin(n * t), acceleration * np.cos(n * t)
+        up, along = force * np.sin(n * t + phase), force * np.cos(n * t + phase)
         return np.array([x[2], x[3], 3 * n * n * x[0] + 2 * n * x[3] + up, -2 * n * x[2] + along])
 
-    x, h, largest = np.zeros(4), 10.0, 0.0
+    course, h = [start], 10.0
     for k in range(round(duration / h)):
-        t = k * h
+        t, x = k * h, course[-1]
         k1 = rate(t, x)
         k2 = rate(t + h / 2, x + h / 2 * k1)
         k3 = rate(t + h / 2, x + h / 2 * k2)
         k4 = rate(t + h, x + h * k3)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        largest = max(largest, float(np.hypot(x[0], x[1])))
-    return largest
+        course.append(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
+    return np.array(course)
+
+
+def constant_force_departure(acceleration: float, duration: float, altitude: float = 490e3) -> float:
+    """Largest departure [m] from a polar circular orbit by a constant inertial acceleration in Z, see `hill_course`."""
+    course = hill_course(np.array([acceleration]), np.zeros(1), np.zeros((4, 1)), duration, altitude)
+    return float(np.hypot(course[:, 0], course[:, 1]).max())
 
 
 def span(series: Array, n: int, rng: np.random.Generator) -> Array:

@@ -239,16 +239,9 @@ def large_sample(
     the `effects` of the geometry where they were computed before.
     """
     solution = solve(g, _scaled(levels, prior_scale), weights)
-    session, known = g.session, known or effects(g)
-    error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
-    axes = rng.standard_normal((2, draws, 3))
-    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
-    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * axes[0]])
-    when = rng.uniform(session.first, session.observation[1], draws)
+    known = known or effects(g)
+    error0, p, when, kick, middle = _disturbed(g, known, levels, rng, draws)
     motion = np.einsum("dp,pkj->dkj", p, known.forces)  # true minus nominal orbit at the measurements
-    impulse = np.concatenate([np.zeros((draws, 3)), levels.impulse * axes[1]], axis=1)
-    kick = np.linalg.solve(known.Phi(when), impulse[..., None])[..., 0]  # the impulse as an error at t[0]
-    middle = p @ known.middle + (kick @ g.Phi.T) * (session.middle >= when)[:, None]
     z = np.einsum("kij,dkj->dki", known.own, motion)
     z += np.einsum("kij,dj->dki", g.H, kick) * (g.t >= when[:, None])[..., None]
     z += rng.standard_normal(z.shape) * (levels.sigma_range, levels.sigma_rate)
@@ -274,16 +267,9 @@ def reduced_sample(
     through sum K_k h_k times their effect, an impulse at t through the sum of K_k H_k over t_k >= t. The covariance
     (6, 6) is that of mid-observation. A hundred times cheaper than drawing every measurement.
     """
-    solution, session = solve(g, _scaled(levels, prior_scale), weights), g.session
+    solution = solve(g, _scaled(levels, prior_scale), weights)
     gain, count = solution.gain, len(g.t)
-    error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
-    axes = rng.standard_normal((2, draws, 3))
-    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
-    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * axes[0]])
-    when = rng.uniform(session.first, session.observation[1], draws)
-    impulse = np.concatenate([np.zeros((draws, 3)), levels.impulse * axes[1]], axis=1)
-    kick = np.linalg.solve(known.Phi(when), impulse[..., None])[..., 0]
-    middle = p @ known.middle + (kick @ g.Phi.T) * (session.middle >= when)[:, None]
+    error0, p, when, kick, middle = _disturbed(g, known, levels, rng, draws)
     later = np.zeros((count + 1, 6, 6))
     later[:count] = np.cumsum(np.einsum("pki,kij->kpj", gain, g.H)[::-1], axis=0)[::-1]
     variance = np.einsum("pki,i,qki->pq", gain, np.array([levels.sigma_range, levels.sigma_rate]) ** 2, gain)
@@ -298,6 +284,25 @@ def reduced_sample(
         estimate += biases @ np.einsum("pki,kib->bp", gain, G)
     own = g.Phi @ solution.own @ g.Phi.T
     return Sample(error0 @ g.Phi.T - middle, estimate @ g.Phi.T - middle), own
+
+
+def _disturbed(
+    g: Geometry, known: Effects, levels: Scenario, rng: np.random.Generator, draws: int
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Draw what no measurement noise is.
+
+    Returns the error of the a-priori state (draws, 6); pressure scale and acceleration (draws, 4); times of the impulse
+    (draws,) and the impulse as an error at t[0] (draws, 6); and what all of these move the orbit by at mid-observation.
+    """
+    session = g.session
+    error0 = rng.standard_normal((draws, 6)) * np.sqrt(np.diag(levels.prior_cov))
+    axes = rng.standard_normal((2, draws, 3))
+    axes /= np.linalg.norm(axes, axis=2, keepdims=True)
+    p = np.column_stack([levels.pressure_error * rng.standard_normal(draws), levels.acceleration * axes[0]])
+    when = rng.uniform(session.first, session.observation[1], draws)
+    impulse = np.concatenate([np.zeros((draws, 3)), levels.impulse * axes[1]], axis=1)
+    kick = np.linalg.solve(known.Phi(when), impulse[..., None])[..., 0]
+    return error0, p, when, kick, p @ known.middle + (kick @ g.Phi.T) * (session.middle >= when)[:, None]
 
 
 def _scaled(levels: Scenario, scale: float) -> Scenario:
