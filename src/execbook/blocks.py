@@ -82,9 +82,9 @@ def _verdicts(root: Path, paper: str) -> str:
     """Show the claims of a paper, then our controls, then the errata that its ledger holds."""
     parts = []
     for kind, caption in _KINDS.items():
-        table, rows = verdicts.claims_table(root, paper, lambda claim, kind=kind: claim.kind == kind)
+        table, rows = verdicts.entries_table(root, paper, lambda claim, kind=kind: claim.kind == kind)
         if rows:
-            parts.append(table_directive(caption, f"{_LABELS[kind]}-{paper}", table))
+            parts.append(table_directive(caption, f"{kind}s-{paper}", table))
     if errata := [claim for claim in claims.ledger(root, paper) if claim.kind == "erratum"]:
         rows = [
             [f"{c.where}: {verdicts.escaped(c.says)}", f"{{math}}`{c.text}`", f"{{math}}`{c.should}`"] for c in errata
@@ -96,16 +96,16 @@ def _verdicts(root: Path, paper: str) -> str:
 
 def _verdicts_of(root: Path, page: str) -> str:
     """Show the entries that the numbers of one notebook alone decide."""
-    table, rows = verdicts.claims_table(root, page.partition("/")[0], lambda c: c.notebooks == [page], page)
+    table, rows = verdicts.entries_table(root, page.partition("/")[0], lambda c: c.notebooks == [page], page)
     caption = "What the paper prints, how we read it, our number, and the verdict."
-    return table_directive(caption, f"verdicts-{page.replace('/', '-')}", table) if rows else ""
+    return table_directive(caption, verdicts.label_of(page), table) if rows else ""
 
 
 def _all_claims(root: Path) -> str:
     """Show the claims of all papers in one table a paper, for the page with the filter."""
     parts = []
     for paper in claims.papers(root):
-        table, _ = verdicts.claims_table(root, paper, lambda claim: claim.kind == "claim", "claims")
+        table, _ = verdicts.entries_table(root, paper, lambda claim: claim.kind == "claim", "claims")
         title = contents.title(root, f"{paper}/index")
         parts.append(f"## {title}\n\n{table_directive(f'{title}: all claims.', f'all-claims-{paper}', table)}")
     return "\n".join(parts)
@@ -175,7 +175,6 @@ _KINDS = {
     "claim": "Every number and claim that the paper prints, and what this build computed.",
     "control": "Controls of ours, which the paper does not print.",
 }
-_LABELS = {"claim": "claims", "control": "controls"}
 BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
     "verdicts": (_verdicts, "PAPER"),
     "verdicts-of": (_verdicts_of, "PAPER/NOTEBOOK"),

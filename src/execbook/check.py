@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from execbook import claims, contents, graph, notebooks, reference, verdicts
+from execbook.ledger import HELD
 from execbook.errors import Fault
 
 
@@ -87,10 +88,9 @@ def _check_claims(root: Path, paper: str, report: Report) -> None:
     report.near += sum(j.is_near for j in judgements)
     for j in judgements:
         if not j.as_expected:
-            held = {True: "holds", False: "does not hold", None: "not computed"}
-            now = j.verdict or held[j.holds]
-            wanted = j.claim.verdict or held[j.claim.holds]
+            now = j.verdict or HELD[j.holds]
             where = f"book/{paper}/claims.yml, claim {j.claim.id}"
+            wanted = j.claim.verdict or j.claim.expected
             report.problems.append(f"{where}: {now} ({j.why}; ours {j.ours}), expected {wanted}.")
 
 

@@ -149,9 +149,7 @@ def _print_claim(judgement) -> None:
     from execbook import verdicts
 
     says, printed, ours, outcome, why = verdicts.row(judgement)
-    claim = judgement.claim
-    wanted = claim.verdict or ("holds" if claim.holds else "does not hold")
-    expected = "" if judgement.as_expected else f" (expected {wanted.replace('-', ' ')})"
+    expected = "" if judgement.as_expected else f" (expected {judgement.claim.expected})"
     print(f"{judgement.claim.id}: {outcome}{expected}")
     margin = f"{100 * (judgement.margin or 0.0):.2g} % from its threshold"
     distance = ("share within its error of a limit" if judgement.share else margin) if judgement.is_near else ""

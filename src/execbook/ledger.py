@@ -20,6 +20,8 @@ from execbook.tolerance import Tolerance
 Kind = Literal["claim", "control", "erratum"]
 """Printed by the paper; added by us; a formula that is damaged in the text. Only claims have a verdict."""
 Verdict = Literal["reproduced", "depends-on-the-reading", "calibrated", "not-reproduced", "not-testable"]
+HELD = {True: "holds", False: "does not hold", None: "not computed"}
+"""Outcome of a control, in words."""
 _SAME = 1e-6  # relative difference of numbers that are one but for rounding
 _OPERATORS = {
     "<": operator.lt,
@@ -190,6 +192,11 @@ class Claim(_Strict):
             if found:
                 raise ValueError(words)
         return self
+
+    @property
+    def expected(self) -> str:
+        """Give the outcome that the entry expects, in words."""
+        return self.verdict.replace("-", " ") if self.verdict else HELD[self.holds]
 
     @property
     def reference(self) -> float | None:

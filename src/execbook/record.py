@@ -224,13 +224,13 @@ class Notebook:
         paper = self.name.partition("/")[0]
         declared, entries = multiverse.choices(self._root, paper), claims.ledger(self._root, paper)
         shares: dict[str, multiverse.Share] = {}
-        for place, (function, size) in enumerate(runs, 1):
-            worlds, kept = multiverse.draw(declared, size, seed + place - 1), self.memo(function)
+        for place, (function, size) in enumerate(runs):
+            worlds, kept = multiverse.draw(declared, size, seed + place), self.memo(function)
             results = [kept(world) for world in self.track(worlds, f"worlds of {function.__name__}")]
             held = multiverse.survived(lambda claim, table: claims.judge(claim, table).holds, entries, results)
             numbers = multiverse.count(declared, worlds, held)
             for key, value in numbers.items():
-                name = key.replace("most.", f"most.{place}.") if len(runs) > 1 else key
+                name = key.replace("most.", f"most.{place + 1}.") if len(runs) > 1 else key
                 self.record(name, value)
             recorded = {key: {"value": value} for key, value in numbers.items()}
             shares |= {claim: multiverse.share_of(claim, recorded) for claim in held}

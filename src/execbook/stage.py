@@ -18,7 +18,7 @@ import nbformat
 from nbformat import NotebookNode
 from nbformat.v4 import new_markdown_cell, new_notebook
 
-from execbook import children, contents, notebooks, parameters, project, runfolder
+from execbook import children, contents, notebooks, parameters, project, runfolder, verdicts
 from execbook.atomic import explained, locked, partial_path, swap_folder, sweep
 from execbook.blocks import claims_table, fill, table_directive
 from execbook.display import FIGURE_TYPE, TABLE_TYPE, line, markdown_table
@@ -206,7 +206,7 @@ def _directive(page: str, output: NotebookNode, run: Path, files: Path, offer: b
 
 def label(page: str, name: str) -> str:
     """Give the label of a figure or table: its name, or the page's for a table of verdicts."""
-    return f"verdicts-{page.replace('/', '-')}" if _of_verdicts(name) else name
+    return verdicts.label_of(page) if _of_verdicts(name) else name
 
 
 def _of_verdicts(name: str) -> bool:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, get_args
 
 from execbook import contents, display, runfolder
 from execbook.claims import Judgement, Metrics, decided_by, judge, judge_paper, recorded
 from execbook.errors import Fault, Misuse
-from execbook.ledger import Claim, Verdict, papers
+from execbook.ledger import HELD, Claim, Verdict, papers
 from execbook.multiverse import READINGS, choices
 
 HEADER = ("The paper says", "Printed", "Ours", "Verdict", "Why")
@@ -40,7 +40,7 @@ def outcome(judgement: Judgement) -> str:
     if claim.kind == "erratum":
         return "erratum"
     if claim.kind == "control":
-        return {True: "holds", False: "does not hold", None: "not computed"}[judgement.holds]
+        return HELD[judgement.holds]
     words = (judgement.verdict or "not computed").replace("-", " ")
     return f"{words}, {round(100 * share.part)}{display.NBSP}%" if share else words
 
@@ -67,19 +67,29 @@ def labels(claim: Claim) -> tuple[str, ...]:
     """Give the labels of the figures and tables that show an entry: its evidence, else its page's table of claims."""
     if claim.evidence:
         return claim.evidence
-    return (f"verdicts-{claim.notebooks[0].replace('/', '-')}",) if len(claim.notebooks) == 1 else ()
+    return (label_of(claim.notebooks[0]),) if len(claim.notebooks) == 1 else ()
 
 
-def link(root: Path, paper: str, claim: Claim) -> str:
-    """Give the address of what shows an entry, relative to the book's folder of pages."""
+def label_of(page: str) -> str:
+    """Give the label of a page's table of claims."""
+    return f"verdicts-{page.replace('/', '-')}"
+
+
+def link(paper: str, claim: Claim, places: Mapping[str, str]) -> str:
+    """Give the address of what shows an entry, relative to the book's folder of pages; places : of its paper."""
     for label in claim.evidence:
-        for page in contents.pages(root):
-            if page.startswith(f"{paper}/") and label in _shown(root, page):
-                return f"{page}.html#{label.lower().replace('.', '-').replace('_', '-')}"
+        if label in places:
+            return f"{places[label]}.html#{label.lower().replace('.', '-').replace('_', '-')}"
     if claim.notebooks:
         page = claim.notebooks[0]
-        return f"{page}.html" + (f"#verdicts-{page.replace('/', '-')}" if len(claim.notebooks) == 1 else "")
+        return f"{page}.html" + (f"#{label_of(page)}" if len(claim.notebooks) == 1 else "")
     return f"{paper}/index.html#claim-{claim.id}"
+
+
+def places(root: Path, paper: str) -> dict[str, str]:
+    """Give the page of a paper on which each label of a figure or table stands, the first of them."""
+    pages = [page for page in contents.pages(root) if page.startswith(f"{paper}/")]
+    return {label: page for page in reversed(pages) for label in _shown(root, page)}
 
 
 def _shown(root: Path, page: str) -> list[str]:
@@ -123,19 +133,19 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
     return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
 
 
-def _judged(root: Path, paper: str, kind: str = "claim") -> list[Judgement]:
-    return [j for j in judge_paper(root, paper) if j.claim.kind == kind]
+def _judged(root: Path, paper: str) -> list[Judgement]:
+    return [j for j in judge_paper(root, paper) if j.claim.kind == "claim"]
 
 
 def as_json(root: Path, paper: str) -> list[dict[str, Any]]:
     """Give the ledger of a paper with our numbers and verdicts beside the `expected` ones."""
-    found = []
+    found, labelled = [], places(root, paper)
     for claim, ours, holds, verdict, why, margin, share in judge_paper(root, paper):
         entry = claim.model_dump(mode="json", exclude_none=True, exclude={"verdict", "holds"})
         expected = claim.holds if claim.kind == "control" else claim.verdict
         judged = {"ours": ours, "expected": expected, "holds": holds, "verdict": verdict, "why": why, "margin": margin}
         judged |= {"share": share and share.part, "decided_by": share and share.decided_by}
-        found.append({"paper": paper, **entry, **judged, "link": link(root, paper, claim)})
+        found.append({"paper": paper, **entry, **judged, "link": link(paper, claim, labelled)})
     return found
 
 
@@ -163,7 +173,7 @@ def _not_computed(root: Path) -> int:
     return sum(j.verdict is None for paper in papers(root) for j in _judged(root, paper))
 
 
-def claims_table(root: Path, paper: str, chosen: Callable[[Claim], bool], here: str = "") -> tuple[str, int]:
+def entries_table(root: Path, paper: str, chosen: Callable[[Claim], bool], here: str = "") -> tuple[str, int]:
     """Give a Markdown table of the chosen entries of a paper, and how many they are.
 
     A row has an address, `claim-<id>`; below what the paper says stand the passage, what shows it and why the verdict.
@@ -176,7 +186,7 @@ def claims_table(root: Path, paper: str, chosen: Callable[[Claim], bool], here: 
 def _linked(paper: str, judgement: Judgement, here: str) -> list[str]:
     claim = judgement.claim
     says, printed, ours, verdict, why = (escaped(text) for text in row(judgement))
-    shown = [f"{{numref}}`{label}`" for label in labels(claim) if label != f"verdicts-{here.replace('/', '-')}"]
+    shown = [f"{{numref}}`{label}`" for label in labels(claim) if label != label_of(here)]
     if not labels(claim):
         shown = [f"{{doc}}`/{notebook}`" for notebook in claim.notebooks if notebook != here]
     if judgement.share and here != f"{paper}/{READINGS}":

@@ -31,10 +31,11 @@ def labels(paper: str) -> set[str]:
             found.update(re.findall(r"nb\.(?:figure|table)\(\s*f?\"([\w.-]+)\"", text))
             found.update(re.findall(r"^:name: (\S+)$", text, re.M))
             found.update(re.findall(r"^\(([\w.-]+)\)=$", text, re.M))
-            found.add(f"verdicts-{page.replace('/', '-')}")
+            found.add(verdicts.label_of(page))
     return found
 
 
+PLACES = {paper: verdicts.places(ROOT, paper) for paper in PAPERS}
 LABELS = {paper: labels(paper) for paper in PAPERS}
 
 
@@ -45,7 +46,7 @@ def test_an_entry_cites_its_passage_and_shows_its_evidence(paper, entry):
     assert entry.evidence or entry.metrics, "neither a number nor a label"
     assert set(entry.evidence) <= LABELS[paper]
     assert set(entry.notebooks) <= set(notebooks.names(ROOT))
-    assert verdicts.link(ROOT, paper, entry).partition(".html")[0] in contents.pages(ROOT)
+    assert verdicts.link(paper, entry, PLACES[paper]).partition(".html")[0] in contents.pages(ROOT)
 
 
 @pytest.mark.parametrize(("paper", "entry"), ENTRIES)
