@@ -26,12 +26,16 @@ def clone(root: Path, page: str) -> Path:
         shutil.copytree(PROJECT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
     for folder in (book / paper, book / "practice"):
         folder.mkdir()
-    for name in ("_config.yml", "execbook.toml", "references.bib", f"{page}.md", f"{paper}/claims.yml"):
+    for name in ("_config.yml", "execbook.toml", "references.bib", "rules.yml", f"{page}.md", f"{paper}/claims.yml"):
         shutil.copyfile(PROJECT / "book" / name, book / name)
     shutil.copyfile(PROJECT / "environment.txt", root / "environment.txt")
     (book / "index.md").write_text("# A part of the book\n")
     (book / "practice" / "rerun.md").write_text("# Rerun\n\n```{bibliography}\n```\n")
-    (book / "_toc.yml").write_text(f"format: jb-book\nroot: index\nchapters:\n- file: {page}\n- file: practice/rerun\n")
+    linked = sorted(set(re.findall(r"\{doc\}`(?:[^`<]*<)?([\w-]+)>?`", (book / f"{page}.md").read_text())))
+    for name in linked:
+        (book / paper / f"{name}.md").write_text(f"# Stands for {name}\n")
+    files = "".join(f"- file: {name}\n" for name in [page, *(f"{paper}/{name}" for name in linked), "practice/rerun"])
+    (book / "_toc.yml").write_text(f"format: jb-book\nroot: index\nchapters:\n{files}")
     return root
 
 
