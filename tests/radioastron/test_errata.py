@@ -102,7 +102,7 @@ def test_e5_lost_numerator_and_root_by_dimension(st, state):
 
 
 def test_e6_one_sampling_step_bounds_the_drift():
-    """And the text has a 2 before the second derivative, four times the term of the series (1)."""
+    """And the text, as we read it, has a 2 before the second derivative, four times the term of the series (1)."""
     setup = Setup()
     q, T = 1e-12, setup.duration
     assert within_window(setup, 0.0, setup.sample / (0.5 * T * T) * 0.999) and 2.0 * q * T * T == 4.0 * (

@@ -45,7 +45,7 @@ PRINTED = (
     ("SNR before, Figure 2(a)", 27.5, "st.prior.snr"),
     ("SNR after, Figure 2(a)", 62.5, "st.post.snr"),
     ("ratio of SNR, Figure 2(a)", 2.0, "st.snr.ratio"),
-    ("ratio of SNR, Figure 3, mixed stages", 1.0, "oe.stage.ratio"),
+    ("ratio of SNR, Figure 3", 1.0, "oe.stage.ratio"),
     ("ratio of SNR, Figure 4(a)", 1.14, "bc.snr.ratio"),
     ("change of the delay, Figure 4(b) [µs]", 6.0, "bc.change_us"),
     ("delay after, Figure 4(b) [µs]", 9.0, "bc.post.delay_us"),
@@ -78,7 +78,7 @@ class Reading:
     impulse: float = 5e-3
     bandwidth: float = 16e6
     band: str = "L"
-    stage: str = "delay-and-rate"
+    stage: str = "predicted"
 
     @property
     def levels(self) -> Scenario:
