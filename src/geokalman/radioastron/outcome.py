@@ -56,7 +56,7 @@ PRINTED = (
     ("size of dZ, Figure 5 [m]", 1300.0, "bc.correction.dz_m"),
     ("size of the correction, Figure 5 [m]", 3784.0, "bc.correction.total_m"),
 )
-"""What the paper prints of a session: in words, the number, and the quantity of ours that it is a draw of."""
+"""What the paper prints of a session, or we read off an axis: words, the number, the quantity that it is a draw of."""
 _SEGMENT = 64e-6  # s, of 1024 channels in 16 MHz
 _ENDS = (0.05, 0.5, 0.95)
 
