@@ -35,7 +35,7 @@ DEFAULT: dict[str, str | float] = {
     "world": 0,
     "window": "matched", "gain": 0.0, "jpl-output": "none", "anisotropy": 9.0, "single": "own",
     "between-combinations": "mounting", "mounting-error": 1.5e-4, "between-products": "time-tag", "node": 100.0,
-    "bias": -6.0, "bias-axis": "xz", "span": "six-hours", "arc": "estimated",
+    "bias": -6.0, "bias-axis": "xz", "span": "six-hours", "arc": "estimated", "order-of-magnitude": "amplitude",
 }  # fmt: skip
 """The pages' own set-up; `readings.yml` has the same defaults."""
 
@@ -77,6 +77,8 @@ def metrics(world: World) -> dict[str, float]:
     rates = assess.table_of([comparison.run(recording, "C", tuning, cutoff)])
     fitted = comparison.fitted_numbers(rates, world["window"])
     numbers |= {f"{PART}/05-rates:fitted.{key}": v for key, (v, _) in fitted.items()}
+    if world["order-of-magnitude"] == "power":
+        numbers[f"{PART}/05-rates:fitted.band_ratio"] **= 2
     numbers |= {f"{PART}/07-acceleration:{key}": v for key, v in accelerations(world, chosen).items()}
     numbers |= {f"{PART}/10-time-tags:{key}": v for key, v in offsets(world, chosen, tuning).items()}
     correction = pointing.antenna_correction(
