@@ -70,6 +70,10 @@ def as_png(figure: Figure, dpi: float) -> bytes:
     """Give a figure as an image, of the same figure always the same bytes, and close it."""
     import matplotlib.pyplot as plt
 
+    if layout := figure.get_layout_engine():  # once: savefig would draw the whole figure twice for it
+        figure.set_dpi(dpi)
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
     plt.close(figure)

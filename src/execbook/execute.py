@@ -6,10 +6,8 @@ import contextlib
 import hashlib
 import html
 import json
-import os
 import re
 import shutil
-import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -152,37 +150,26 @@ def default_out(root: Path, name: str, given: Mapping[str, Any], quick: bool) ->
 
 def _execute(job: _Job, made: Path, work: Path, talk: Path) -> tuple[NotebookNode, str]:
     """Give the executed notebook, and why it stopped where it did before its end."""
-    from jupyter_client.kernelspec import KernelSpec
-    from jupyter_client.manager import AsyncKernelManager
     from nbclient import NotebookClient
     from nbclient.exceptions import CellExecutionError
     from papermill.iorw import load_notebook_node
     from papermill.parameterize import parameterize_notebook
 
-    environment = {
-        **os.environ,
-        project.ROOT: str(job.root),
-        record.OUT: str(made),
-        progress.VARIABLE: str(talk / "report"),
+    from execbook import kernels
+
+    shared = {
         "PYTHONHASHSEED": "0",
-        "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
         "MPLBACKEND": "module://matplotlib_inline.backend_inline",
         "PYDEVD_DISABLE_FILE_VALIDATION": "1",
         **job.variables,
     }
-    command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}", "--HistoryManager.enabled=False"]
+    own = {
+        project.ROOT: str(job.root),
+        record.OUT: str(made),
+        progress.VARIABLE: str(talk / "report"),
+        "IPYTHONDIR": str(work / "ipython"),  # nobody's start-up files
+    }
     ended = contextlib.ExitStack()
-
-    class Kernel(AsyncKernelManager):
-        """The interpreter that runs us, whatever kernels are installed."""
-
-        kernel_spec = KernelSpec(argv=command, display_name="Python 3", language="python", name="python3")
-
-        async def start_kernel(self, **kwargs: Any) -> None:
-            # The environment goes in here, since $NAME in a specification is replaced.
-            await super().start_kernel(env=environment, **kwargs)
-            ended.enter_context(children.guarded(self.provisioner.pid))
-
     # papermill puts the parameters in, but does not execute: it formats paths, which {} in them does not survive, and
     # changes the working directory of the whole process, where another notebook may be running.
     notebook = load_notebook_node(job.source)
@@ -194,7 +181,8 @@ def _execute(job: _Job, made: Path, work: Path, talk: Path) -> tuple[NotebookNod
         if job.progress and cell.cell_type == "code":
             job.progress(index.get(cell.get("id"), 0) + 1, len(index), talk / "report")
 
-    manager = Kernel(transport="ipc", ip=str(talk / "s"), connection_file=str(work / "kernel.json"))
+    place = {"transport": "ipc", "ip": str(talk / "s"), "connection_file": str(work / "kernel.json")}
+    manager = kernels.Kernel(shared, own, project.read(job.root).preload, ended, **place)
     client = NotebookClient(
         notebook, km=manager, on_cell_start=started, coalesce_streams=True,
         resources={"metadata": {"path": str((job.root / "book" / job.name).parent)}},

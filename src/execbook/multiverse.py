@@ -253,7 +253,7 @@ def survived(
     number, the same keys in all. Claims whose numbers a world does not give have no share.
     """
     given = set(results[0]) if results else set()
-    tables = [functools.partial(_of_notebook, result) for result in results]
+    tables = [functools.cache(functools.partial(_of_notebook, result)) for result in results]
     return {c.id: [bool(judge(c, t)) for t in tables] for c in claims if c.metrics and given.issuperset(c.metrics)}
 
 

@@ -5,6 +5,7 @@ package   Python package with the algorithms; a run depends on the modules of it
 theme     `module:function`, a context manager called with `light` or `dark` while a figure is drawn
 data      `module:function`, called with the root; gives {name: SHA-256} of the vendored files, each verified
 progress  `module:function`, called with the function that long loops of the package are to report to
+preload   modules that most notebooks import; none of the package, whose sources may change
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import importlib
 import os
 import tomllib
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +33,7 @@ class Project(NamedTuple):
     theme: str = ""
     data: str = ""
     progress: str = ""
+    preload: Sequence[str] = ()
 
 
 def root(start: Path | None = None, home: Path | None = None) -> Path:

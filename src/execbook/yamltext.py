@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
+
+_MAY_MARK = re.compile(r"(?:^|[\s,:?\[\]{}-])(?:[&*]\S|!)")  # an anchor, alias or tag; or a text that looks like one
 
 
 def parse(text: str) -> Any:
@@ -14,7 +17,7 @@ def parse(text: str) -> Any:
     A key given twice is refused, and so are anchors, aliases, tags and deep nesting: a few bytes can fill the memory.
     """
     try:
-        for event in YAML(typ="safe", pure=True).parse(text) if {"&", "*", "!"} & set(text) else ():
+        for event in YAML(typ="safe", pure=True).parse(text) if _MAY_MARK.search(text) else ():
             if getattr(event, "anchor", None) or getattr(event, "ctag", None):
                 raise ValueError(f"line {event.start_mark.line + 1}: anchors, aliases and tags are not read")
         return YAML(typ="safe", pure=True).load(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import zipfile
@@ -55,7 +56,8 @@ def load_field(
     text = os.fspath(name_or_path) or "EGM96"
     vendored = (VENDORED | MONTHLY).get(text.upper())
     if vendored is not None:
-        field = _read_npz(data_path(vendored))
+        path = data_path(vendored)
+        field = _read_npz(path, path.stat().st_mtime_ns)
         field = field if body is None else require_body(field, body)
     elif not os.path.isfile(text):
         raise FileNotFoundError(f"No gravity field '{text}': it is neither {' nor '.join(VENDORED)} nor an ICGEM file.")
@@ -149,8 +151,9 @@ def geoid_difference(
     return radius * synthesis(dC, dS, lat, lon, weights=gaussian_weights(dC.shape[0] - 1, gauss_km))
 
 
-def _read_npz(path: os.PathLike) -> GravityField:
-    """Read the lower triangles that `data/scripts/make_egm96.py` stores row by row."""
+@functools.lru_cache(maxsize=4)
+def _read_npz(path: os.PathLike, changed: int) -> GravityField:
+    """Read the lower triangles that `data/scripts/make_egm96.py` stores row by row; changed : time of the file."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             rows, columns = np.tril_indices(int(stored["n_max"]) + 1)

@@ -106,17 +106,21 @@ def from_matrix_point(R, q):
 def multiply(p: Array, q: Array) -> Array:
     """Hamilton product p q; p, q : (..., 4), broadcast. Appendix A, (A3)."""
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
-    p0, p1, p2, p3 = (p[..., i] for i in range(4))
-    q0, q1, q2, q3 = (q[..., i] for i in range(4))
-    return np.stack(
-        [
-            p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3,
-            p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2,
-            p0 * q2 - p1 * q3 + p2 * q0 + p3 * q1,
-            p0 * q3 + p1 * q2 - p2 * q1 + p3 * q0,
-        ],
-        axis=-1,
-    )
+    out = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    p, q = (x if x.shape == out.shape else np.broadcast_to(x, out.shape).copy() for x in (p, q))
+    _multiply(*(np.ascontiguousarray(x.reshape(-1, 4)) for x in (p, q, out)))
+    return out
+
+
+@njit(cache=True)
+def _multiply(p, q, out):
+    for k in range(len(p)):
+        p0, p1, p2, p3 = p[k, 0], p[k, 1], p[k, 2], p[k, 3]
+        q0, q1, q2, q3 = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        out[k, 0] = p0 * q0 - p1 * q1 - p2 * q2 - p3 * q3
+        out[k, 1] = p0 * q1 + p1 * q0 + p2 * q3 - p3 * q2
+        out[k, 2] = p0 * q2 - p1 * q3 + p2 * q0 + p3 * q1
+        out[k, 3] = p0 * q3 + p1 * q2 - p2 * q1 + p3 * q0
 
 
 def conjugate(q: Array) -> Array:
@@ -159,13 +163,24 @@ def difference(p: Array, q: Array) -> Array:
 def matrix(q: Array) -> Array:
     """Active rotation matrices R(q) (..., 3, 3) of unit quaternions (..., 4): v' = q v q*."""
     q = np.asarray(q, dtype=float)
-    q0, q1, q2, q3 = (q[..., i] for i in range(4))
-    rows = [
-        [1 - 2 * (q2**2 + q3**2), 2 * (q1 * q2 - q0 * q3), 2 * (q1 * q3 + q0 * q2)],
-        [2 * (q1 * q2 + q0 * q3), 1 - 2 * (q1**2 + q3**2), 2 * (q2 * q3 - q0 * q1)],
-        [2 * (q1 * q3 - q0 * q2), 2 * (q2 * q3 + q0 * q1), 1 - 2 * (q1**2 + q2**2)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    out = np.empty((*q.shape[:-1], 3, 3))
+    _matrices(np.ascontiguousarray(q.reshape(-1, 4)), out.reshape(-1, 3, 3))
+    return out
+
+
+@njit(cache=True)
+def _matrices(q, R):
+    for k in range(len(q)):
+        q0, q1, q2, q3 = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        R[k, 0, 0] = 1 - 2 * (q2 * q2 + q3 * q3)
+        R[k, 0, 1] = 2 * (q1 * q2 - q0 * q3)
+        R[k, 0, 2] = 2 * (q1 * q3 + q0 * q2)
+        R[k, 1, 0] = 2 * (q1 * q2 + q0 * q3)
+        R[k, 1, 1] = 1 - 2 * (q1 * q1 + q3 * q3)
+        R[k, 1, 2] = 2 * (q2 * q3 - q0 * q1)
+        R[k, 2, 0] = 2 * (q1 * q3 - q0 * q2)
+        R[k, 2, 1] = 2 * (q2 * q3 + q0 * q1)
+        R[k, 2, 2] = 1 - 2 * (q1 * q1 + q2 * q2)
 
 
 def from_matrix(R: Array) -> Array:
