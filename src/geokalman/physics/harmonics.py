@@ -84,6 +84,8 @@ def degree_variance(C: ArrayLike, S: ArrayLike) -> Array:
 def error_degree_variance(dC: ArrayLike, dS: ArrayLike) -> Array:
     """Compute degree variances of errors or standard deviations, sum_m (dC_nm^2 + dS_nm^2).
 
+    dC, dS : (..., N+1, N+1). Returns (..., N+1), as `degree_variance`.
+
     >>> error_degree_variance(np.eye(2), np.zeros((2, 2))).tolist()
     [1.0, 1.0]
     """

@@ -113,12 +113,25 @@ def extended(
     iterations: int = 1,
     process_noise: float = 0.0,
 ) -> Estimate:
-    """The extended Kalman filter of the paper, (18)-(23), with the state integrated and the innovation y - h(x).
+    """Filter by the extended filter of the paper, (18)-(23).
 
+    The state is integrated, the innovation is y - h(x); errata E1, E2.
     transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each
     whole interval; iterations : of the update, more than 1 is the iterated filter; process_noise : density of white
-    acceleration [m^2 s^-3]. Errata E1, E2.
+    acceleration [m^2 s^-3].
     Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
+
+    >>> from geokalman.radioastron import assess, simulate
+    >>> from geokalman.radioastron.data import Scenario
+    >>> from geokalman.radioastron.model import find_session, find_stations, toward, world
+    >>> session = find_session("OE")
+    >>> forces, stations = world(session), find_stations((), session)
+    >>> truth, data = simulate.draw(session, forces, Scenario(), stations, np.random.default_rng(1))
+    >>> orbits, middle = (prior_orbit(data), extended(data, forces).orbit), np.array([session.middle])
+    >>> errors = [assess.errors(orbit, truth, forces, middle, toward(session)) for orbit in orbits]
+    >>> before, after = (abs(error.residual.delay.item()) for error in errors)
+    >>> after < 0.2 * before < 1e-5  # delay of the baseline at mid-observation [s]
+    True
     """
     if transition not in _TRANSITIONS:
         raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_TRANSITIONS)}.")
