@@ -250,8 +250,7 @@ def mounting(
 def shifted(scenario: Scenario, tuning: Tuning, shift_s: float, n_seeds: int, seed0: int, data_dir: str = "") -> Table:
     """Change of the smoothed attitude's mean when every camera reports late: <C|D>.<axis> [rad].
 
-    Simulated: the tag t carries the attitude of t - shift, the noise drawn is the same. Real files: their camera tags
-    are moved.
+    Simulated: the tag t carries the attitude of t - shift, with the same noise. Real files: camera tags are moved.
     """
     runs = []
     for k, one in enumerate(flights(scenario, n_seeds, seed0, data_dir)):
