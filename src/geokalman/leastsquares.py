@@ -35,24 +35,23 @@ _DENSE = 64  # up to here all eigenvalues are cheaper than a Lanczos iteration
 
 
 class SingularNormalMatrix(ValueError):
-    """The observations leave unknowns open, which the message names."""
+    """The observations leave unknowns open, which the message names.
+
+    >>> normals = NormalEquations(2)
+    >>> normals.add([[1.0, 0.0], [2.0, 0.0]], [1.0, 2.0])
+    >>> normals.factor()
+    Traceback (most recent call last):
+    geokalman.leastsquares.SingularNormalMatrix: No observation depends on 1 of 2 unknowns: x[1].
+    """
 
 
 class NormalEquations:
     """Normal equations of n unknowns and q right-hand sides, added up block by block.
 
-    Parameters
-    ----------
-    n : number of unknowns
-    q : number of right-hand sides
-    names : (n,) names of the unknowns for error messages; None for x[0], x[1], ...
-
-    Attributes
-    ----------
-    matrix : (n, n) float64, Fortran order, N in the lower triangle; the strict upper one is zero
-    rhs : (n, q) float64, b = A^T W y
-    squares : (q,) float64, y^T W y
-    observations : number of rows of non-zero weight so far
+    n, q : numbers of unknowns and right-hand sides; names : (n,) of the unknowns for error messages, None for x[0], ...
+    Attributes: matrix : (n, n), Fortran order, N in the lower triangle, zeros above it; rhs : (n, q), b = A^T W y;
+    squares : (q,), y^T W y; observations : number of rows of non-zero weight so far.
+    Raises ValueError for n or q below 1, or another number of names.
 
     >>> normals = NormalEquations(2)
     >>> normals.add([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]], [1.0, 3.0, 5.0])  # a line
@@ -75,16 +74,14 @@ class NormalEquations:
     def add(self, block: ArrayLike, rhs: ArrayLike, weights: ArrayLike | None = None) -> None:
         """Add observations: N += A^T W A, b += A^T W y.
 
-        Parameters
-        ----------
-        block : (k, n) rows A of the design matrix; C or Fortran order, used where it is
-        rhs : (k, q), or (k,) where q is 1, observed minus computed values y
-        weights : scalar or (k,), not negative: one over the variance of each row; None for 1
+        block : (k, n) rows A of the design matrix, C or Fortran order, used where it is; rhs : (k, q), or (k,) where q
+        is 1, observed minus computed values y; weights : scalar or (k,), one over the variance of each row, None for 1.
+        Raises ValueError for shapes that do not fit, values that are not finite (naming the row), a negative weight.
 
-        Raises
-        ------
-        ValueError
-            For shapes that do not fit, values that are not finite (naming the row), a negative weight.
+        >>> normals = NormalEquations(1)
+        >>> normals.add([[1.0], [1.0]], [1.0, 6.0], weights=[4.0, 1.0])
+        >>> normals.matrix.item(), normals.rhs.item(), normals.observations
+        (5.0, 10.0, 2)
         """
         A, y, w = self._checked(block, rhs, weights)
         if w is None:
@@ -100,15 +97,14 @@ class NormalEquations:
     def regularise(self, weights: ArrayLike, prior: ArrayLike = 0.0) -> None:
         """Observe the unknowns themselves: x = prior with `weights`, N += diag(w), b += w prior.
 
-        Parameters
-        ----------
-        weights : scalar or (n,), not negative; an unknown of weight 0 is not observed
-        prior : scalar, (n,) or (n, q) values
+        weights : scalar or (n,), where an unknown of weight 0 is not observed; prior : scalar, (n,) or (n, q) values.
+        Raises ValueError for shapes that do not fit, a weight or prior that is not finite, a negative weight.
 
-        Raises
-        ------
-        ValueError
-            For shapes that do not fit, a weight that is negative or not finite, a prior that is not finite.
+        >>> normals = NormalEquations(1)
+        >>> normals.add([[1.0]], [8.0])
+        >>> normals.regularise(3.0)  # towards zero, with three times the weight
+        >>> normals.factor().estimate.item()
+        2.0
         """
         w = _weights(weights, self.n, "one per unknown")
         prior = plain("prior", prior)
@@ -139,27 +135,27 @@ class NormalEquations:
         return total
 
     def full_matrix(self) -> Array:
-        """Copy N (n, n), with both triangles."""
+        """Copy N (n, n), with both triangles.
+
+        >>> normals = NormalEquations(2)
+        >>> normals.add([[1.0, 2.0]], [0.0])
+        >>> normals.full_matrix().tolist()
+        [[1.0, 2.0], [2.0, 4.0]]
+        """
         return self.matrix + np.tril(self.matrix, -1).T
 
     def factor(self, overwrite: bool = False) -> Solution:
         """Scale N to unit diagonal, factor it by Cholesky and solve for all right-hand sides.
 
-        Parameters
-        ----------
-        overwrite : let the factor take the memory of N; this object is then of no further use
+        overwrite : let the factor take the memory of N; this object is then of no further use. Returns the Solution.
+        Raises ValueError where there are fewer observations than unknowns; SingularNormalMatrix, naming the unknowns,
+        where the observations do not determine all: a pivot of the scaled matrix, which is the part of an unknown's
+        information that no other unknown explains, is below n eps.
 
-        Returns
-        -------
-        Solution
-
-        Raises
-        ------
-        ValueError
-            Where there are fewer observations than unknowns.
-        SingularNormalMatrix
-            Where the observations do not determine all unknowns: a pivot of the scaled matrix, which is the part of an
-            unknown's information that no other unknown explains, is below n eps. The message names the unknowns.
+        >>> normals = NormalEquations(2)
+        >>> normals.add(np.diag([1e-8, 1e8]), [2e-8, 3e8])  # of very different size
+        >>> normals.factor().estimate.round(12).tolist()
+        [[2.0], [3.0]]
         """
         if self.observations < self.n:
             raise ValueError(
@@ -226,6 +222,16 @@ class Solution:
 
     The scaled matrix D N D = L L^T, D = diag(N)^(-1/2), has L in the lower triangle of `factor` and itself in the
     strict upper one. `estimate` (n, q) is the solution of N x = b.
+
+    >>> normals = NormalEquations(1)
+    >>> normals.add(np.ones((4, 1)), [0.0, 3.0, 3.0, 6.0])  # a mean
+    >>> solution = normals.factor()
+    >>> solution.estimate.item(), solution.covariance().item(), solution.variances().item()
+    (3.0, 0.25, 0.25)
+    >>> solution.residual_sum_of_squares.item(), solution.variance_factor.item(), solution.unknowns
+    (18.0, 6.0, 1)
+    >>> round(solution.log_determinant, 3), solution.condition(), solution.solve([8.0]).item()
+    (1.386, 1.0, 2.0)
     """
 
     factor: Array = field(repr=False)
@@ -240,7 +246,7 @@ class Solution:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns n."""
+        """Count the unknowns n."""
         return self.scale.size
 
     def solve(self, rhs: ArrayLike) -> Array:
@@ -252,7 +258,7 @@ class Solution:
 
     @property
     def residual_sum_of_squares(self) -> Array:
-        """v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0.
+        """Compute v^T W v = y^T W y - x^T b of each right-hand side (q,), at least 0.
 
         Below 1e-13 y^T W y it is rounding.
         """
@@ -260,9 +266,9 @@ class Solution:
 
     @property
     def variance_factor(self) -> Array:
-        """A-posteriori variance of unit weight, v^T W v / (observations - unknowns), (q,).
+        """Compute the a-posteriori variance of unit weight (q,).
 
-        Raises ValueError where there is no redundancy.
+        v^T W v / (observations - unknowns). Raises ValueError where there is no redundancy.
         """
         if self.observations == self.unknowns:
             raise ValueError(
@@ -272,7 +278,7 @@ class Solution:
 
     @property
     def log_determinant(self) -> float:
-        """log det N, for likelihoods."""
+        """Compute log det N, for likelihoods."""
         return float(2.0 * (np.log(self.factor.diagonal()).sum() - np.log(self.scale).sum()))
 
     def covariance(self) -> Array:
@@ -314,23 +320,10 @@ def sum_normals(
 ) -> NormalEquations:
     """Add up the normal equations of arcs, always in their order.
 
-    They are built here or by an executor's workers.
-
-    Parameters
-    ----------
-    build : function of one arc; for a process pool at the top level of a module
-    arcs : what `build` is called with
-    executor : any `concurrent.futures.Executor`, e.g. a process pool or `dask.distributed.Client(...).get_executor()`
-    at_once : arcs under way at a time, which bounds memory; None for the number of processors
-
-    Returns
-    -------
-    NormalEquations
-
-    Raises
-    ------
-    ValueError
-        Where there is no arc; and whatever `build` raises.
+    build : function of one arc, for a process pool at the top level of a module; arcs : what it is called with;
+    executor : any `concurrent.futures.Executor`, e.g. a process pool or `dask.distributed.Client(...).get_executor()`,
+    None builds here; at_once : arcs under way at a time, which bounds memory, None for the number of processors.
+    Raises ValueError where there is no arc, and whatever `build` raises.
 
     >>> def build(value):
     ...     arc = NormalEquations(1)

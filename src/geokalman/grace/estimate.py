@@ -37,7 +37,7 @@ Update = Literal["sequential", "simultaneous"]
 
 @dataclass(frozen=True)
 class Differentiated:
-    """Range (n,) [m], range-rate (n,) [m/s] and relative velocity (n, 3) [m/s] by differentiation; NaN at the edges."""
+    """Range (n,) [m], its rate (n,) and relative velocity (n, 3) [m/s]; NaN at the edges."""
 
     dt: float
     rho: Array
@@ -47,7 +47,7 @@ class Differentiated:
 
 @dataclass(frozen=True)
 class States:
-    """States [dr, dv, da] (n, 9) every dt [s], with covariances (n, 9, 9) where they were asked for."""
+    """States [dr, dv, da] (n, 9) every dt [s], with covariances (n, 9, 9) or None."""
 
     dt: float
     x: Array
@@ -55,31 +55,34 @@ class States:
 
     @property
     def dr(self) -> Array:
-        """Relative position (n, 3) [m]."""
+        """Give the relative position (n, 3) [m]."""
         return self.x[:, POSITION]
 
     @property
     def dv(self) -> Array:
-        """Relative velocity (n, 3) [m/s]."""
+        """Give the relative velocity (n, 3) [m/s]."""
         return self.x[:, VELOCITY]
 
     @property
     def rho(self) -> Array:
-        """Range (44) of the state (n,) [m]."""
+        """Compute the range (44) of the state (n,) [m]."""
         return distance(self.dr)
 
     @property
     def rate(self) -> Array:
-        """Range-rate (45) of the state (n,) [m/s]."""
+        """Compute the range-rate (45) of the state (n,) [m/s]."""
         return range_rate(self.dr, self.dv)
 
     @property
     def los(self) -> Array:
-        """Line-of-sight acceleration e . da of the state (n,) [m/s^2]: equations (46) and (47) together."""
+        """Compute the line-of-sight acceleration e . da (n,) [m/s^2]: (46) and (47) together."""
         return los_acceleration(self.dr, self.x[:, ACCELERATION])
 
     def rate_sigma(self, epochs: slice = slice(None)) -> Array:
-        """Standard deviation of the range-rate [m/s] at the epochs, linearised at the state. Needs the covariances."""
+        """Compute the standard deviation of the range-rate [m/s], linearised at the state.
+
+        epochs : which are wanted; their covariances must be there.
+        """
         x = self.x[epochs]
         H = np.zeros_like(x)
         for k, state in enumerate(x):
@@ -89,8 +92,7 @@ class States:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A filter's states, their fixed-interval smoothed twins, and the whitened innovations (n, 4): position,
-    range-rate."""
+    """Filtered and smoothed states, and whitened innovations (n, 4): position, range-rate."""
 
     filtered: States
     smoothed: States
@@ -98,36 +100,47 @@ class Estimate:
 
 
 def newton(data: Observations, points: int = 9) -> Differentiated:
-    """The paper's first method: rho from the positions, its rate and the relative velocity by the central formula.
+    """Differentiate ranges and relative positions: the paper's first method.
 
-    Raises ValueError where there are fewer epochs than points.
+    points : of the central formula. Raises ValueError where there are fewer epochs than points.
     """
     rho = distance(data.baseline)
     return Differentiated(data.dt, rho, derivative(rho, data.dt, points), derivative(data.baseline, data.dt, points))
 
 
 def ekf(data: Observations, tuning: Tuning, covariances: bool = False) -> Estimate:
-    """The paper's "EKF": the kinematic filter on relative positions alone, equations (16) to (20), then RTS smoothing.
+    """Filter relative positions alone, (16) to (20), then smooth: the paper's "EKF".
 
-    covariances: smooth them too (without them the smoother is four times as fast).
+    covariances : smooth them too (without them the smoother is four times as fast).
     Raises NotPositiveDefinite, naming the epoch.
     """
     return _run(data, tuning, None, "extended", covariances)
 
 
 def ukf(data: Observations, tuning: Tuning, update: Update = "sequential", covariances: bool = False) -> Estimate:
-    """The paper's UKF: positions and range-rate, equations (26) to (43), then RTS smoothing (the dynamics are linear).
+    """Filter positions and range-rate unscented, (26) to (43), then smooth: the paper's UKF.
 
-    update: `sequential` takes the position first and draws the sigma points from the updated state; `simultaneous` puts
-    both into one vector and linearises (53) at a predicted state that is a metre off, which biases the range-rate.
-    Raises NotPositiveDefinite, naming the epoch.
+    The dynamics are linear, so that the smoother is RTS.
+    update : `sequential` takes the position first and draws the sigma points from the updated state, `simultaneous`
+    puts both into one vector and linearises (53) at a predicted state that is a metre off, which biases the range-rate;
+    covariances : smooth them too. Raises NotPositiveDefinite, naming the epoch.
+
+    >>> from geokalman.grace import assess, simulate
+    >>> from geokalman.grace.model import Scenario
+    >>> scenario = Scenario(days=1 / 144, dt=10.0, n_max=4)  # ten minutes without noise
+    >>> gravity = scenario.gravity()
+    >>> orbit = simulate.orbit_pair(scenario, gravity)
+    >>> data = simulate.observe(orbit, gravity)
+    >>> rates = [method(data, Tuning()).smoothed.rate for method in (ekf, ukf)]
+    >>> alone, fused = (assess.statistics(assess.range_rate_residual(rate, orbit), edge=10).std for rate in rates)
+    >>> fused < 0.5 * alone < 1e-8  # standard deviations of the range-rate [m/s]
+    True
     """
     return _run(data, tuning, update, "unscented", covariances)
 
 
 def fused_ekf(data: Observations, tuning: Tuning, update: Update = "sequential", covariances: bool = False) -> Estimate:
-    """The same data as `ukf`, with the range-rate linearised (18) instead of unscented: the control that the paper
-    lacks."""
+    """Filter as `ukf`, with the range-rate linearised (18): the control that the paper lacks."""
     return _run(data, tuning, update, "extended", covariances)
 
 

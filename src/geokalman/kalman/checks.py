@@ -18,6 +18,9 @@ class NotPositiveDefinite(ValueError):
 
     matrix : its name, e.g. "innovation covariance"; epoch : index of the epoch, None outside a run; t : its time [s] or
     None; course : the Trajectory of a run until then, else None.
+
+    >>> print(NotPositiveDefinite("innovation covariance", epoch=3, t=30.0))
+    the innovation covariance is not positive definite at epoch 3 (t = 30 s).
     """
 
     def __init__(self, matrix: str, epoch: int | None = None, t: float | None = None, detail: str = "") -> None:

@@ -19,6 +19,9 @@ class Stopped(ArithmeticError):
     """A run that a function of its model or sensor stopped.
 
     who : "model" or "sensor"; epoch, t [s] : where; code : what the function returned; course : the Trajectory so far.
+
+    >>> print(Stopped("model", 3, 30.0, 1))
+    the model stopped at epoch 3 (t = 30 s) with code 1
     """
 
     def __init__(self, who: str, epoch: int, t: float, code: int) -> None:
@@ -33,6 +36,10 @@ class Gaussian(NamedTuple):
     """A normal distribution N(mean, cov); make it with `gaussian`, which checks.
 
     mean : (n,) [state units]; cov : (n, n), symmetric positive semidefinite.
+
+    >>> mean, cov = gaussian([1.0], [4.0])
+    >>> mean.item(), cov.item()
+    (1.0, 4.0)
     """
 
     mean: np.ndarray
@@ -42,8 +49,12 @@ class Gaussian(NamedTuple):
 class Information(NamedTuple):
     """A normal distribution by its information, matrix = cov^-1 and vector = cov^-1 mean.
 
-    Zeros say that nothing is known.
-    vector : (n,); matrix : (n, n), symmetric positive semidefinite.
+    Zeros say that nothing is known. vector : (n,); matrix : (n, n), symmetric positive semidefinite.
+
+    >>> from geokalman.kalman import smooth_information
+    >>> prior = Information(np.array([4.0]), np.array([[2.0]]))  # mean 2, variance 1/2
+    >>> smooth_information([0.0], [[8.0]], [[1.0]], [[1.0]], ([[1.0]], [[1.0]]), prior).mean.round(12).item()
+    4.0
     """
 
     vector: np.ndarray
@@ -56,6 +67,11 @@ class Innovation(NamedTuple):
     residual = z - prediction, its covariance S = L L', and whitened = L^-1 residual.
     residual, whitened : (m,), NaN where a component is missing; S : (m, m) [sensor units]. If the model is right,
     whitened ~ N(0, I); its components do not depend on whether the update was joint or sequential.
+
+    >>> from geokalman.kalman.linear import update
+    >>> posterior, innovation = update(gaussian([1.0], [3.0]), [5.0], [[1.0]], [[1.0]])
+    >>> innovation.residual.item(), innovation.S.item(), innovation.whitened.item()
+    (4.0, 4.0, 2.0)
     """
 
     residual: np.ndarray
@@ -73,6 +89,12 @@ class Trajectory:
     alpha : (N,) factors (of several sensors the last one's) and weights : (N, m) of an adaptive hook, else None. On a
     manifold the means have as many columns as the state needs, and n counts the components of its error.
     Raises ValueError for arrays that carry more than numbers or do not fit one another.
+
+    >>> from geokalman.kalman import Model, Sensor, run
+    >>> walk, sensor = Model(F=[[1.0]], Q=[[1.0]]), Sensor([[2.0], [np.nan]], [[1.0]], H=[[1.0]])
+    >>> course = run(gaussian([0.0], [3.0]), [0.0, 1.0], walk, [sensor])
+    >>> len(course), course[1].cov.item(), course.whitened[:, 0].tolist()  # an observation, then none
+    (2, 1.75, [1.0, nan])
     """
 
     t: np.ndarray
@@ -123,6 +145,12 @@ class Smoothed:
     """The smoothed states of N epochs, time first.
 
     t : (N,) [s]; mean : (N, n); cov : (N, n, n), or None.
+
+    >>> from geokalman.kalman import Model, Sensor, run, smooth
+    >>> still, sensor = Model(F=[[1.0]], Q=[[0.0]]), Sensor([[1.0], [3.0]], [[1.0]], H=[[1.0]])
+    >>> smoothed = smooth(run(gaussian([2.0], [0.5]), [0.0, 1.0], still, [sensor]))
+    >>> smoothed.mean[:, 0].round(12).tolist(), smoothed[0].cov.round(12).item()  # one mean of all
+    ([2.0, 2.0], 0.25)
     """
 
     t: np.ndarray

@@ -80,6 +80,12 @@ class Manifold:
     retract, difference : compiled, `RETRACT` and `DIFFERENCE`; or Python functions retract(x, d) -> x [+] d and
     difference(x, y) -> y [-] x. n : number of components of an error.
     Source: Hertzberg et al. (2013), Information Fusion 14, 57-77.
+
+    >>> circle = Manifold(
+    ...     retract=lambda x, d: (x + d) % 360.0, difference=lambda x, y: (y - x + 180.0) % 360.0 - 180.0, n=1
+    ... )
+    >>> circle.difference(350.0, 10.0), circle.retract(350.0, 20.0)  # [deg]
+    (20.0, 10.0)
     """
 
     retract: Callable
@@ -128,6 +134,12 @@ class Model:
     compiled : f with the signature `PROPAGATE`, inputs : (N - 1, i), params : (p,); Q is what f finds in its argument
                Q, and may write; F is not given
     manifold : where the state is no vector (extended filter only); the prior's cov is then that of the error
+
+    >>> from geokalman.kalman import gaussian, run
+    >>> half = Model(f=lambda x, t0, t1: 0.5 * x, F=lambda x, t0, t1: [[0.5]], Q=[[1.0]])
+    >>> course = run(gaussian([8.0], [4.0]), [0.0, 1.0], half, [Sensor([[float("nan")]] * 2, [[1.0]], H=[[1.0]])])
+    >>> course.mean[:, 0].tolist(), course.cov[:, 0, 0].tolist()
+    ([8.0, 4.0], [4.0, 2.0])
     """
 
     f: Callable | None = None
@@ -148,6 +160,11 @@ class Sensor:
     compiled : h with the signature `OBSERVE`, inputs : (N, i), params : (p,)
     What one sensor observes in an epoch is processed jointly at one linearisation; sensors follow one another, each at
     the state that the one before left. On a manifold H is the derivative by the error.
+
+    >>> from geokalman.kalman import gaussian, run
+    >>> square = Sensor([[5.0]], [[4.0]], h=lambda x, t: x**2, H=lambda x, t: [2.0 * x])
+    >>> run(gaussian([2.0], [0.25]), [0.0], Model(F=[[1.0]], Q=[[0.0]]), [square]).mean.item()
+    2.125
     """
 
     z: Any

@@ -25,25 +25,15 @@ class GravityField:
     Degrees 0 and 1 follow one rule in the whole package: C_00 = 1 (the mass is in GM) and degree 1 is zero (the
     origin is the centre of mass). A field that says otherwise is refused.
 
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    gm : float
-        Gravitational constant times mass [m^3 s^-2].
-    radius : float
-        Reference radius of the coefficients [m].
-    C, S : (N+1, N+1) float64
-        Coefficients ``C[n, m]``, ``S[n, m]``; zero for m > n, ``S[n, 0] = 0``. Kept read-only and C-contiguous.
-    tide_system : str
-        One of ``tide_free``, ``zero_tide``, ``mean_tide``, ``unknown``.
-    sigma_C, sigma_S : (N+1, N+1) float64, optional
-        Standard deviations of the coefficients.
+    name : of the model; gm : gravitational constant times mass [m^3 s^-2]; radius : of the coefficients [m];
+    C, S : (N+1, N+1) ``C[n, m]``, ``S[n, m]``, zero for m > n, ``S[n, 0] = 0``, kept read-only and C-contiguous;
+    tide_system : one of `TIDE_SYSTEMS`; sigma_C, sigma_S : (N+1, N+1) standard deviations, None where there are none.
+    Raises ValueError naming the entry that is not finite, out of place, of the wrong shape, or against the rule for
+    degrees 0 and 1.
 
-    Raises
-    ------
-    ValueError
-        Naming the entry that is not finite, out of place, of the wrong shape, or against the rule for degrees 0 and 1.
+    >>> field = GravityField("C22 alone", 4e14, 6e6, C=np.diag([1.0, 0.0, 1e-6]), S=np.zeros((3, 3)))
+    >>> field.n_max, round(field.rescaled(4e14, 3e6).C[2, 2].item() * 1e6, 9)  # (6 / 3)^2
+    (2, 4.0)
     """
 
     name: str
@@ -84,11 +74,11 @@ class GravityField:
 
     @property
     def n_max(self) -> int:
-        """Highest degree and order."""
+        """Give the highest degree and order."""
         return self.C.shape[0] - 1
 
     def truncate(self, n: int) -> GravityField:
-        """The field to degree and order `n`; raises ValueError unless 2 <= n <= n_max."""
+        """Truncate to degree and order `n`; raises ValueError unless 2 <= n <= n_max."""
         if not 2 <= n <= self.n_max:
             raise ValueError(
                 f"n_max = {n} is out of range: {self.name} has degrees 2 to {self.n_max}; give {self.n_max} or less."
@@ -99,11 +89,11 @@ class GravityField:
         return replace(self, **{k: v if v is None else v[: n + 1, : n + 1] for k, v in parts.items()})
 
     def with_coefficients(self, C: Array, S: Array, name: str) -> GravityField:
-        """A field of this one's GM, radius and tide system with other coefficients (N+1, N+1), e.g. recovered ones."""
+        """Replace the coefficients by others (N+1, N+1), e.g. recovered ones; no sigmas."""
         return replace(self, name=name, C=C, S=S, sigma_C=None, sigma_S=None)
 
     def rescaled(self, gm: float, radius: float) -> GravityField:
-        """The same potential, degrees 2 and up, referred to another GM [m^3 s^-2] and radius [m].
+        """Refer the same potential, degrees 2 and up, to another GM [m^3 s^-2] and radius [m].
 
         C'_nm = C_nm (GM/GM') (R/R')^n for n >= 2; degrees 0 and 1 keep the package's rule, so that fields of
         different constants can be subtracted coefficient by coefficient.
@@ -115,7 +105,7 @@ class GravityField:
         return replace(self, gm=gm, radius=radius, **scaled)
 
     def digest(self) -> str:
-        """SHA-256 (hex) of everything in the field: equal fields have equal digests, in any process."""
+        """Hash all of the field by SHA-256 (hex); equal fields give the same in any process."""
         head = f"{self.name}\0{self.gm!r}\0{self.radius!r}\0{self.tide_system}\0{self.n_max}\0{self.sigma_C is None}"
         digest = hashlib.sha256(head.encode())
         for key in ("C", "S", "sigma_C", "sigma_S"):
@@ -175,7 +165,7 @@ def misfit(gm: float, radius: float, C20: float, body: Body) -> Misfit | None:
 
 
 def require_body(field: GravityField, body: Body) -> GravityField:
-    """The field, unless it is not that of the body (`misfit`): then ValueError."""
+    """Pass the field on, or raise ValueError where it is not that of the body (`misfit`)."""
     if found := misfit(field.gm, field.radius, field.C[2, 0], body):
         raise ValueError(f"{field.name}: {found.sentence}.")
     return field

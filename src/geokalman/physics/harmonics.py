@@ -84,6 +84,8 @@ def degree_variance(C: ArrayLike, S: ArrayLike) -> Array:
 def error_degree_variance(dC: ArrayLike, dS: ArrayLike) -> Array:
     """Compute degree variances of errors or standard deviations, sum_m (dC_nm^2 + dS_nm^2).
 
+    dC, dS : (..., N+1, N+1). Returns (..., N+1), as `degree_variance`.
+
     >>> error_degree_variance(np.eye(2), np.zeros((2, 2))).tolist()
     [1.0, 1.0]
     """
@@ -137,9 +139,8 @@ def geoid_difference(
 
     dN = R sum_n W_n sum_m (dC_nm cos m lambda + dS_nm sin m lambda) P_nm(sin phi)
     dC, dS : (N+1, N+1) differences of fully normalised coefficients; radius : R [m]; step_deg : size of a cell [deg];
-    gauss_km : Gaussian radius [km], 0 for no smoothing. Returns (180/step, 360/step) [m]; rows and columns as in
-    `cell_centred_grid`, from the south-west. Raises ValueError as `cell_centred_grid`, `gaussian_weights` and
-    `synthesis` do.
+    gauss_km : Gaussian radius [km], 0 for no smoothing. Returns (180/step, 360/step) [m] on `cell_centred_grid`, from
+    the south-west. Raises ValueError as that grid, `gaussian_weights` and `synthesis` do.
 
     >>> dC = np.zeros((3, 3))
     >>> dC[0, 0] = 1e-9

@@ -17,21 +17,15 @@ _ROWS_AT_ONCE = 32  # parallels whose spectrum stays in the cache
 
 
 def cell_centred_grid(step_deg: float) -> tuple[Array, Array]:
-    """Latitudes and longitudes of the cell centres of a global grid, phi_i = -90 deg + (i + 1/2) step.
+    """Give latitudes and longitudes of the cell centres of a global grid.
 
-    Parameters
-    ----------
-    step_deg : size of a cell [deg]; 180 must be a whole multiple of it.
+    phi_i = -90 deg + (i + 1/2) step.
+    step_deg : size of a cell [deg]; 180 must be a whole multiple of it. Returns lat (180/step,), ascending, and lon
+    (360/step,), from step/2 to 360 deg - step/2 [rad]. Raises ValueError where such cells do not tile the sphere.
 
-    Returns
-    -------
-    lat : (180/step,) float64, ascending [rad]
-    lon : (360/step,) float64, from step/2 to 360 deg - step/2 [rad]
-
-    Raises
-    ------
-    ValueError
-        Where cells of that size do not tile the sphere.
+    >>> lat, lon = cell_centred_grid(90.0)
+    >>> np.degrees(lat).round(9).tolist(), np.degrees(lon).round(9).tolist()
+    ([-45.0, 45.0], [45.0, 135.0, 225.0, 315.0])
     """
     rows = round(180.0 / step_deg) if 0.0 < step_deg <= 180.0 else 0
     if rows < 1 or abs(rows * step_deg - 180.0) > 1e-9:
@@ -41,21 +35,14 @@ def cell_centred_grid(step_deg: float) -> tuple[Array, Array]:
 
 
 def area_rms(grid: ArrayLike, lat: ArrayLike | None = None) -> float:
-    """Area-weighted root mean square of a global grid, sqrt(sum g^2 cos(phi) / sum cos(phi)).
+    """Compute the area-weighted rms of a global grid, sqrt(sum g^2 cos(phi) / sum cos(phi)).
 
-    Parameters
-    ----------
-    grid : (n_lat, n_lon), any unit
-    lat : (n_lat,) [rad]; None for the rows of `cell_centred_grid`
+    grid : (n_lat, n_lon), any unit; lat : (n_lat,) [rad], None for the rows of `cell_centred_grid`. Returns a float in
+    the unit of the grid. Raises ValueError where grid and lat do not fit.
 
-    Returns
-    -------
-    float, the unit of the grid
-
-    Raises
-    ------
-    ValueError
-        Where grid and lat do not fit.
+    >>> lat, lon = cell_centred_grid(1.0)
+    >>> round(area_rms(np.outer(np.sin(lat), np.ones(lon.size))), 3)  # 1 / sqrt 3
+    0.577
     """
     grid = np.asarray(grid, dtype=float)
     if grid.ndim != 2:
@@ -69,20 +56,16 @@ def area_rms(grid: ArrayLike, lat: ArrayLike | None = None) -> float:
 
 
 def legendre(n_max: int, lat: ArrayLike) -> Array:
-    """Fully normalised associated Legendre functions P_nm(sin phi), no Condon-Shortley phase.
+    """Compute fully normalised Legendre functions P_nm(sin phi), no Condon-Shortley phase.
 
     P_nm = a_nm t P_(n-1)m - b_nm P_(n-2)m with t = sin phi, standard forward columns from the sectorials
     P_mm = u sqrt((2m+1)/(2m)) P_(m-1)(m-1), u = cos phi, carried as 1e-280 P_nm/u^m (Holmes & Featherstone 2002,
     equations 11, 12, 18). Valid to degree 2190, poles included.
 
-    Parameters
-    ----------
-    n_max : highest degree
-    lat : (k,) latitudes [rad]
+    n_max : highest degree; lat : (k,) [rad]. Returns (k, n_max+1, n_max+1), ``[point, n, m]``, zero for m > n.
 
-    Returns
-    -------
-    (k, n_max+1, n_max+1) float64, ``[point, n, m]``, zero for m > n
+    >>> legendre(1, np.radians(30.0))[0].round(3).tolist()  # 1, sqrt 3 sin phi, sqrt 3 cos phi
+    [[1.0, 0.0], [0.866, 1.5]]
     """
     lat = np.atleast_1d(np.asarray(lat, dtype=float))
     out = np.zeros((lat.size, n_max + 1, n_max + 1))
@@ -93,29 +76,21 @@ def legendre(n_max: int, lat: ArrayLike) -> Array:
 def synthesis(
     C: ArrayLike, S: ArrayLike, lat: ArrayLike, lon: ArrayLike, weights: ArrayLike | None = None, q: ArrayLike = 1.0
 ) -> Array:
-    """Sum of spherical harmonics on the grid lat x lon.
+    """Sum spherical harmonics on the grid lat x lon.
 
     f(phi_i, lambda_j) = sum_n W_n q_i^n sum_m (C_nm cos m lambda_j + S_nm sin m lambda_j) P_nm(sin phi_i)
 
     Order by order: Legendre sums at the latitudes (north and south together), then an FFT along equidistant
     longitudes that close the circle, a matrix product along any others.
 
-    Parameters
-    ----------
-    C, S : (N+1, N+1) fully normalised coefficients, N <= 2190
-    lat : (n_lat,) latitudes on the sphere (geocentric) [rad]
-    lon : (n_lon,) [rad]
-    weights : (N+1,) factor W_n of each degree, e.g. of a filter; None for 1
-    q : scalar or (n_lat,), ratio R/r of the reference radius to the radius of the point
+    C, S : (N+1, N+1) fully normalised coefficients, N <= 2190; lat : (n_lat,) geocentric [rad]; lon : (n_lon,) [rad];
+    weights : (N+1,) factor W_n of each degree, e.g. of a filter, None for 1; q : scalar or (n_lat,), ratio R/r of the
+    reference radius to the radius of the point. Returns (n_lat, n_lon), the unit of the coefficients.
+    Raises ValueError for shapes that do not fit, a latitude outside [-90, 90] deg, a degree above 2190.
 
-    Returns
-    -------
-    (n_lat, n_lon) float64, the unit of the coefficients
-
-    Raises
-    ------
-    ValueError
-        For shapes that do not fit, a latitude outside [-90, 90] deg, a degree above 2190.
+    >>> C = np.array([[0.0, 0.0], [3**-0.5, 0.0]])
+    >>> synthesis(C, np.zeros((2, 2)), np.radians([-30.0, 90.0]), [0.0, 1.0]).round(9).tolist()  # sin phi
+    [[-0.5, -0.5], [1.0, 1.0]]
     """
     C, S, lat, q = _checked(C, S, lat, weights, q)
     lon = np.atleast_1d(np.asarray(lon, dtype=float))
@@ -140,7 +115,14 @@ def synthesis(
 def synthesis_points(
     C: ArrayLike, S: ArrayLike, lat: ArrayLike, lon: ArrayLike, weights: ArrayLike | None = None, q: ArrayLike = 1.0
 ) -> Array:
-    """Sum of spherical harmonics at scattered points; as `synthesis`, with lat, lon and q (k,) and a result (k,)."""
+    """Sum spherical harmonics at scattered points.
+
+    As `synthesis`, with lat, lon and q (k,) and a result (k,).
+
+    >>> C = np.array([[0.0, 0.0], [0.0, 3**-0.5]])
+    >>> synthesis_points(C, np.zeros((2, 2)), [0.0, 0.0], np.radians([0.0, 60.0])).round(9).tolist()
+    [1.0, 0.5]
+    """
     C, S, lat, q = _checked(C, S, lat, weights, q)
     lon = np.broadcast_to(np.asarray(lon, dtype=float), lat.shape)
     orders = np.arange(C.shape[0])[:, None]

@@ -105,6 +105,19 @@ def run(
     belief's and the data's.
     Raises ValueError for an unknown kind and an R that is not diagonal, NotPositiveDefinite for a P0 or R that is no
     covariance, Diverged as `filtered`.
+
+    >>> from geokalman.physics.harmonics import load_field
+    >>> from geokalman.pulsar import assess, simulate
+    >>> from geokalman.pulsar.dynamics import j2_force
+    >>> from geokalman.pulsar.model import Mission, preset
+    >>> mission, B, gravity = Mission(days=2.0), preset("B"), load_field("GMM2B")
+    >>> flight = simulate.fly(mission, gravity, B.world.mismatch)
+    >>> data = simulate.observe(flight, mission, B.world, np.random.default_rng(1))
+    >>> start = flight.x0 + np.repeat([1000.0, 1.0], 3)  # wrong by 1 km and 1 m/s in every axis
+    >>> result = run("ekf", data, start, B.belief, j2_force(gravity))
+    >>> score = assess.score(result, flight)
+    >>> score.d3 < 100.0, 0.7 < score.nees6 < 1.3  # 3-D rms [m], after the first 100 epochs
+    (True, True)
     """
     if kind not in KINDS:
         raise ValueError(f"filter {kind!r} is unknown; the filters are {', '.join(KINDS)}.")

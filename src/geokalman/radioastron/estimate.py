@@ -44,7 +44,7 @@ _ACCEPTED = 0.01  # change of a batch estimate, in units of its sigma, at which 
 
 @dataclass(frozen=True, eq=False)
 class StateEstimate:
-    """An estimated state at time t [s]: mean (6,) [m, m/s], cov (6, 6) as the estimator believes; biases and sigmas."""
+    """An estimated state at t [s]: mean (6,) [m, m/s], its cov (6, 6); biases and sigmas."""
 
     t: float
     mean: Array
@@ -53,7 +53,7 @@ class StateEstimate:
     bias_sigmas: Array
 
     def at(self, world: Dynamics, t: float) -> StateEstimate:
-        """The same orbit at another time [s]."""
+        """Move the orbit to another time [s]."""
         if t == self.t:
             return self
         mean, Phi = world.transition(self.mean, self.t, t)
@@ -62,7 +62,10 @@ class StateEstimate:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """A filter's course: t (n,), means (n, 6), covariances (n, 6, 6), whitened innovations (n, 2); orbit at the end."""
+    """The course of a filter, and its orbit at the end.
+
+    t : (n,) [s]; mean : (n, 6) [m, m/s]; cov : (n, 6, 6); innovations : (n, 2), whitened.
+    """
 
     t: Array
     mean: Array
@@ -72,7 +75,7 @@ class Estimate:
 
 
 def prior_orbit(data: Observations) -> StateEstimate:
-    """The a-priori state as a StateEstimate: what one has without tracking."""
+    """Give the a-priori state: what one has without tracking."""
     return _orbit(data.t[0], data.prior_mean.copy(), data.prior_cov.copy())
 
 
@@ -82,7 +85,10 @@ def _orbit(t: float, x: Array, P: Array) -> StateEstimate:
 
 
 def links(stations: tuple[str, ...], station: NDArray[np.int64], column: Array | float = -1.0) -> Array:
-    """Inputs of the observation (n, 4): Earth-fixed station [m] and first state of its biases, -1 for none."""
+    """Make the inputs of the observation (n, 4).
+
+    Earth-fixed station [m], and the first state of its biases, -1 for none.
+    """
     itrs = np.array([STATIONS[name] for name in stations])[station]
     return np.column_stack([itrs, np.broadcast_to(column, len(itrs))])
 
@@ -113,12 +119,25 @@ def extended(
     iterations: int = 1,
     process_noise: float = 0.0,
 ) -> Estimate:
-    """The extended Kalman filter of the paper, (18)-(23), with the state integrated and the innovation y - h(x).
+    """Filter by the extended filter of the paper, (18)-(23).
 
+    The state is integrated, the innovation is y - h(x); errata E1, E2.
     transition : "integrated" variational equations, "substeps" I + F T over 10 s (13), "single" I + F T over each
     whole interval; iterations : of the update, more than 1 is the iterated filter; process_noise : density of white
-    acceleration [m^2 s^-3]. Errata E1, E2.
+    acceleration [m^2 s^-3].
     Raises ValueError for an unknown transition, NotPositiveDefinite with the epoch.
+
+    >>> from geokalman.radioastron import assess, simulate
+    >>> from geokalman.radioastron.data import Scenario
+    >>> from geokalman.radioastron.model import find_session, find_stations, toward, world
+    >>> session = find_session("OE")
+    >>> forces, stations = world(session), find_stations((), session)
+    >>> truth, data = simulate.draw(session, forces, Scenario(), stations, np.random.default_rng(1))
+    >>> orbits, middle = (prior_orbit(data), extended(data, forces).orbit), np.array([session.middle])
+    >>> errors = [assess.errors(orbit, truth, forces, middle, toward(session)) for orbit in orbits]
+    >>> before, after = (abs(error.residual.delay.item()) for error in errors)
+    >>> after < 0.2 * before < 1e-5  # delay of the baseline at mid-observation [s]
+    True
     """
     if transition not in _TRANSITIONS:
         raise ValueError(f"transition {transition!r} is unknown; give {', '.join(_TRANSITIONS)}.")
@@ -127,7 +146,7 @@ def extended(
 
 
 def unscented(data: Observations, world: Dynamics, weights: Tuning = INFLATED, kappa: float = 0.0) -> Estimate:
-    """The unscented filter on the same model: sigma points (alpha = 1, beta = 2) through orbit and observation.
+    """Filter the same model by the unscented filter, with alpha = 1 and beta = 2.
 
     Raises NotPositiveDefinite with the epoch.
     """
@@ -144,9 +163,10 @@ def _filtered(data, world, weights, motion: tuple[float, float, float], kind: Ki
 
 
 def batch(data: Observations, world: Dynamics, weights: Tuning = INFLATED, longest: int = 10) -> StateEstimate:
-    """Least squares over all measurements with the a-priori state, iterated: the smoother's state at t[0].
+    """Estimate the state at t[0] by iterated least squares over all measurements.
 
-    Raises ArithmeticError where `longest` iterations do not settle.
+    The a-priori state counts too: this is the smoother's state there. Raises ArithmeticError where `longest`
+    iterations do not settle.
     """
     prior, z, inputs = _start(data, world, weights)
     n = len(prior.mean)
@@ -171,7 +191,10 @@ def batch(data: Observations, world: Dynamics, weights: Tuning = INFLATED, longe
 
 
 def residuals(data: Observations, world: Dynamics, orbit: StateEstimate) -> Array:
-    """Measured minus computed range [m] and range-rate [m/s] along an estimated orbit (n, 2), biases not taken off."""
+    """Compute measured minus computed range [m] and range-rate [m/s] along an orbit (n, 2).
+
+    Biases are not taken off.
+    """
     _, z, inputs = _start(data, world, Tuning())
     return z - linearise_step(data.t, orbit.at(world, float(data.t[0])).mean, inputs, world.params)[0]
 
@@ -179,8 +202,9 @@ def residuals(data: Observations, world: Dynamics, orbit: StateEstimate) -> Arra
 def without_outliers(
     data: Observations, world: Dynamics, weights: Tuning = INFLATED, gate: float = GATE
 ) -> tuple[Observations, Array]:
-    """Take out what lies beyond `gate` sigmas of a first fit to all data: the data, and a mask (n, 2) of what went.
+    """Take out what lies beyond `gate` sigmas of a first fit to all data.
 
+    Returns the data, and a mask (n, 2) of what went.
     Not before: an a-priori error of 2 km makes innovations of a hundred sigmas in good data. Each residual, its
     median taken off, is held against the smaller of its weight and the spread (1.4826 times the median absolute
     residual) of its kind, but not against less than a thousandth of its weight: weights are often larger than the
@@ -196,7 +220,10 @@ def without_outliers(
 
 
 def literal_step(state: Array, gradient: Array, step: float) -> Array:
-    """Equations (13) and (19) as printed: X(k+1) = (I + F T) X(k), which doubles gravity and turns it round (E1)."""
+    """Step by (13) and (19) as printed, X(k+1) = (I + F T) X(k).
+
+    They double gravity and turn it round (E1).
+    """
     return np.concatenate([state[:3] + step * state[3:], state[3:] + step * (gradient @ state[:3])])
 
 
@@ -244,8 +271,9 @@ def _observe(t, x, u, p, h, H, R):
 
 @njit(cache=True)
 def linearise_step(t, x, inputs, params):
-    """Observations (n, 2) predicted along the orbit of the states x at t[0], and their derivatives by x (n, 2, states).
+    """Predict observations (n, 2) along the orbit of the states x at t[0].
 
+    Returns them and their derivatives by x (n, 2, states).
     t : (n,) [s]; inputs : (n, 4) of `links`; params of `Dynamics`.
     """
     n = x.size
