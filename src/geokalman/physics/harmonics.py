@@ -154,7 +154,10 @@ def geoid_difference(
 
 @functools.lru_cache(maxsize=4)
 def _read_npz(path: os.PathLike, changed: int) -> GravityField:
-    """Read the lower triangles that `data/scripts/make_egm96.py` stores row by row; changed : time of the file."""
+    """Read the lower triangles that `data/scripts/make_egm96.py` stores row by row.
+
+    changed : time of the file's last change, so that another file of the same name is read anew.
+    """
     try:
         with np.load(path, allow_pickle=False) as stored:
             rows, columns = np.tril_indices(int(stored["n_max"]) + 1)
