@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
-import signal
 import sys
 import threading
 import types
@@ -93,7 +92,6 @@ def _serve(arguments: list[str], environment: dict[str, str], folder: str) -> No
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(folder)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     multiprocessing.set_start_method(None, force=True)  # notebooks have the system's own, as a kernel alone
     launch_new_instance(argv=[*arguments, f"--IPKernelApp.parent_handle={os.getppid()}"])  # ends without the server
 
@@ -101,18 +99,15 @@ def _serve(arguments: list[str], environment: dict[str, str], folder: str) -> No
 def _serves(shared: Mapping[str, str], preload: Sequence[str]) -> bool:
     """Tell whether the server is there for these variables; the second kernel of this process starts it."""
     global _served, _started
+    wanted = {name: value for name, value in {**os.environ, **shared}.items() if name != "PYTEST_CURRENT_TEST"}
     with _lock:
         _started += 1
         if _served is None and _started > 1 and preload:
             with _environment(shared):
                 multiprocessing.get_context("forkserver").set_forkserver_preload(list(preload))
                 forkserver.ensure_running()
-            _served = {**os.environ, **shared}
-    return _served is not None and _of_libraries(_served) == _of_libraries({**os.environ, **shared})
-
-
-def _of_libraries(variables: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in variables.items() if name != "PYTEST_CURRENT_TEST"}
+            _served = wanted
+        return _served == wanted
 
 
 @contextlib.contextmanager

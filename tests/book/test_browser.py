@@ -63,21 +63,6 @@ def axe() -> str:
     return files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 
 
-_STANDARD = "runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa']"
-_STRUCTURE = f"{_STANDARD}, rules: {{'color-contrast': {{enabled: false}}}}"
-_CONTRAST = "runOnly: {type: 'rule', values: ['color-contrast']}"
-
-
-def _rules(theme: str, width: int, name: str) -> str:
-    """What axe looks for: contrast takes nearly all of its time, most on the pages of the code, which look alike.
-
-    The dark page has the structure of the light one, the phone's has its colours.
-    """
-    if width == PHONE["width"] or (name.startswith("api/") and name != "api/kalman.html"):
-        return _STRUCTURE
-    return _CONTRAST if theme == "dark" else _STANDARD
-
-
 # Each look at half of the pages is a group of its own, so that workers share them (`--dist loadgroup`).
 LOOKS = [
     pytest.param((theme, viewport, half), id=f"{theme}-{viewport['width']}-{half}",
@@ -92,15 +77,12 @@ def visits(request, browser, axe: str, book: Path) -> list[Visit]:
     theme, viewport, half = request.param
     context = browser.new_context(color_scheme=theme, viewport=viewport)
     page = context.new_page()
-    found = [
-        _visit(page, book / name, Visit(name, theme, viewport["width"]), axe, _rules(theme, viewport["width"], name))
-        for name in pages(book)[half::2]
-    ]
+    found = [_visit(page, book / name, Visit(name, theme, viewport["width"]), axe) for name in pages(book)[half::2]]
     context.close()
     return found
 
 
-def _visit(page, path: Path, visit: Visit, axe: str, rules: str = _STANDARD) -> Visit:
+def _visit(page, path: Path, visit: Visit, axe: str) -> Visit:
     heard: dict[str, Callable] = {
         "request": lambda request: visit.requests.append(request.url),
         "requestfailed": lambda request: visit.missing.append(request.url),
@@ -116,7 +98,8 @@ def _visit(page, path: Path, visit: Visit, axe: str, rules: str = _STANDARD) -> 
     page.add_style_tag(content="* { animation: none !important; transition: none !important; }")
     page.evaluate("() => document.querySelectorAll('details').forEach(d => d.open = true)")
     page.evaluate(axe)
-    found = page.evaluate(f"() => axe.run(document, {{{rules}, resultTypes: ['violations'], preload: false}})")
+    options = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'], preload: false}"
+    found = page.evaluate(f"() => axe.run(document, {options})")
     visit.violations = [f"{v['id']}: {n['target']} {n['html'][:120]}" for v in found["violations"] for n in v["nodes"]]
     visit.seen["wide open"] = page.evaluate(
         "document.documentElement.scrollWidth - document.documentElement.clientWidth"
