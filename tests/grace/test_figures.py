@@ -221,7 +221,7 @@ def test_integrator_effect(theme):
     assert line(axes, "standard deviation, precise orbit").get_ydata()[0] == 1.19e-6
     assert line(axes, "|mean| printed in Table 1").get_ydata()[0] == 1.8e-8
     assert axes.xaxis_inverted() and (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of RK4(5)", "residual [m/s]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of Runge-Kutta 4(5)", "residual [m/s]")
     assert len(texts(axes.get_legend())) == 4
 
 

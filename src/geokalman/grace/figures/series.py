@@ -204,7 +204,7 @@ def integrator_effect(rtols: Array, std: Array, mean: Array, reference: float, p
     axes.loglog(rtols, np.abs(mean), color=METHODS["neutral"].colour, marker="v", linestyle=":", label="|mean|")
     axes.axhline(reference, color=ink(), linewidth=0.8, linestyle="--", label="standard deviation, precise orbit")
     axes.axhline(abs(printed_mean), color=ink(), linewidth=0.8, linestyle=":", label="|mean| printed in Table 1")
-    axes.set(xlabel="relative tolerance of RK4(5)", ylabel="residual [m/s]")
+    axes.set(xlabel="relative tolerance of Runge-Kutta 4(5)", ylabel="residual [m/s]")
     axes.invert_xaxis()
     axes.legend()
     return figure
