@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from recoveredfield import DEGREE, IDS, errors, grids
 
 from geokalman import style
-from geokalman.grace import figures, observables
+from geokalman.grace import figures, observables, readings
 from geokalman.grace.figures import field
 from geokalman.style import METHODS
 
@@ -37,13 +37,13 @@ def test_degree_differences(theme):
     figure = figures.degree_differences(DEGREE, {k: 1e-12 * v for k, v in variances.items()}, amplitudes)
     assert_dressed(figure, theme)
     left, right = figure.axes
-    labels = {"N1": "Newton (N1)", "E1": "EKF (E1)", "U2": "UKF (U2)"}
+    labels = {name: figures.NAMES[name] for name in variances}
     for name, label in labels.items():
         np.testing.assert_allclose(line(left, label).get_xydata(), np.column_stack([DEGREE, 1e-12 * variances[name]]))
         np.testing.assert_allclose(line(right, label).get_xydata(), np.column_stack([DEGREE, amplitudes[name]]))
     assert left.get_ylabel() == "|difference of degree variances|"
     assert right.get_ylabel() == "error per degree in geoid height [m]"
-    assert texts(left.get_legend()) == list(labels.values())
+    assert texts(figure.legends[0]) == list(labels.values())
     for axes in (left, right):
         assert axes.get_yscale() == "log" and axes.get_xlabel() == "degree n"
 
@@ -58,11 +58,12 @@ def test_amplitudes(theme):
     corners = band.get_paths()[0].vertices
     last = corners[corners[:, 0] == 70.0, 1]
     assert (last.min(), last.max()) == (pytest.approx(0.5 * formal["U2"][-1]), pytest.approx(2 * formal["U2"][-1]))
-    assert same_color(band.get_facecolor()[0][:3], line(axes, "U2").get_color())
+    assert same_color(band.get_facecolor()[0][:3], line(axes, figures.NAMES["U2"]).get_color())
     np.testing.assert_array_equal(line(axes, "signal").get_xydata(), np.column_stack([DEGREE, signal]))
     for name, values in errors().items():
-        np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([DEGREE, values]))
-    assert texts(axes.get_legend()) == ["U2, formal", "signal", *IDS]
+        np.testing.assert_array_equal(line(axes, figures.NAMES[name]).get_xydata(), np.column_stack([DEGREE, values]))
+    named = [figures.NAMES[name] for name in IDS]
+    assert texts(figure.legends[0]) == ["UKF, acceleration state, if white", "signal", *named]
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == (
         "degree n",
         "amplitude per degree in geoid height [m]",
@@ -135,14 +136,41 @@ def test_geoid_against_radius(theme):
     assert_dressed(figure, theme)
     [axes] = figure.axes
     for name, values in rms.items():
-        np.testing.assert_array_equal(line(axes, name).get_xydata(), np.column_stack([radii, values]))
-        assert line(axes, name).get_markevery() == 1
-    assert texts(axes.get_legend()) == ["N1", "U2"]
+        curve = line(axes, figures.NAMES[name])
+        np.testing.assert_array_equal(curve.get_xydata(), np.column_stack([radii, values]))
+        assert curve.get_markevery() == 1
+    assert texts(axes.get_legend()) == [figures.NAMES["N1"], figures.NAMES["U2"]]
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == (
         "Gaussian radius [km]",
         "rms of geoid-height error [m]",
         "log",
     )
+
+
+def test_geoid_by_method(theme):
+    groups = {"alike": {"N1": 5.3e-3, "U1": 3.5e-3}, "own": {"U2": 6.4e-4, "Q2": 2.5e-4}}
+    figure = figures.geoid_by_method(groups, 1.2e-2)
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    *points, omission = axes.get_lines()
+    values = {name: value for group in groups.values() for name, value in group.items()}
+    assert [p.get_label() for p in points] == [figures.NAMES[name] for name in values]
+    np.testing.assert_allclose([p.get_xdata()[0] for p in points], [1e3 * value for value in values.values()])
+    for point, method in zip(points, ("newton", "ukf", "ukf", "ukf"), strict=True):
+        assert same_color(point.get_color(), getattr(METHODS[method], theme["name"]))
+    assert omission.get_xdata()[0] == pytest.approx(12.0)
+    shown = {text.get_text() for text in axes.texts}
+    assert shown == {"alike", "own", "5.3", "3.5", "0.64", "0.25", "degrees left out"}
+    places = dict(zip(axes.get_yticks(), (t.get_text() for t in axes.get_yticklabels()), strict=True))
+    assert places == {p.get_ydata()[0]: p.get_label() for p in points}  # each name stands at its point
+    assert (axes.get_xlabel(), axes.get_xscale()) == ("rms of geoid-height error [mm]", "log")
+    assert axes.yaxis_inverted()  # the first group on top
+
+
+def test_every_route_has_a_name_of_its_own():
+    assert set(figures.NAMES) == {*observables.IDS, "Q2"} and len(set(figures.NAMES.values())) == len(figures.NAMES)
+    for reading, route in readings.ROUTES.items():
+        assert figures.ROUTE_NAMES[reading].endswith(f"({', '.join(route.values())})")
 
 
 def test_ground_track(theme):

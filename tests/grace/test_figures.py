@@ -154,15 +154,18 @@ def test_weight_curve(theme):
     figure = figures.weight_curve(lambdas, rate, los, 4250.0, 7.46e-7)
     assert_dressed(figure, theme)
     left, right = figure.axes
-    np.testing.assert_allclose(line(left, "EKF + RTS").get_xydata(), np.column_stack([lambdas, 1e6 * rate]))
-    np.testing.assert_allclose(line(right, "EKF + RTS").get_xydata(), np.column_stack([lambdas, 1e9 * los]))
-    assert left.get_ylabel() == "std of range-rate error [µm/s]" and right.get_ylabel() == "std of e·Δa error [nm/s²]"
+    np.testing.assert_allclose(line(left, "EKF, smoothed").get_xydata(), np.column_stack([lambdas, 1e6 * rate]))
+    np.testing.assert_allclose(line(right, "EKF, smoothed").get_xydata(), np.column_stack([lambdas, 1e9 * los]))
+    assert (
+        left.get_ylabel() == "std of range-rate error [µm/s]"
+        and right.get_ylabel() == "std of acceleration error [nm/s²]"
+    )
     for axes in (left, right):
         assert axes.get_xscale() == "log" and "lambda_q" in axes.get_xlabel()
         assert line(axes, "default, 4250").get_xdata()[0] == 4250.0
     assert line(left, "printed in Table 1").get_ydata()[0] == pytest.approx(0.746)
-    assert texts(left.get_legend()) == ["EKF + RTS", "default, 4250", "printed in Table 1"]
-    assert texts(right.get_legend()) == ["EKF + RTS", "default, 4250"]
+    assert texts(left.get_legend()) == ["EKF, smoothed", "default, 4250", "printed in Table 1"]
+    assert texts(right.get_legend()) == ["EKF, smoothed", "default, 4250"]
 
 
 def test_literal_filter(theme):
@@ -191,17 +194,20 @@ def test_dial(theme):
     assert_dressed(figure, theme)
     axes, twin = figure.axes
     np.testing.assert_array_equal(line(axes, "range-rate residual [m/s]").get_xydata(), np.column_stack([sigmas, rate]))
-    np.testing.assert_allclose(line(twin, "e·Δa error [nm/s²]").get_xydata(), np.column_stack([sigmas, 1e9 * los]))
+    np.testing.assert_allclose(
+        line(twin, "line-of-sight acceleration error [nm/s²]").get_xydata(), np.column_stack([sigmas, 1e9 * los])
+    )
     assert (axes.get_xscale(), axes.get_yscale(), twin.get_yscale()) == ("log", "log", "linear")
     assert twin.get_ylim()[0] == 0.0 and twin.get_ylim()[1] >= 21.0
     assert axes.get_xlabel() == "assumed standard deviation of the range-rate [m/s]"
-    assert (axes.get_ylabel(), twin.get_ylabel()) == ("std of range-rate [m/s]", "std of e·Δa [nm/s²]")
+    assert (axes.get_ylabel(), twin.get_ylabel()) == ("std of range-rate [m/s]", "std of acceleration [nm/s²]")
     assert {a.get_text() for a in axes.texts} == {"printed in Table 1 (mended)", "default"}
     levels = [a for a in axes.get_lines() if a.get_label().startswith("_")]
     assert levels[0].get_ydata()[0] == 5.26e-7 and levels[1].get_xdata()[0] == 3e-4
-    assert texts(figure.legends[0]) == ["range-rate residual [m/s]", "e·Δa error [nm/s²]"]
+    assert texts(figure.legends[0]) == ["range-rate residual [m/s]", "line-of-sight acceleration error [nm/s²]"]
     assert not same_color(
-        line(axes, "range-rate residual [m/s]").get_color(), line(twin, "e·Δa error [nm/s²]").get_color()
+        line(axes, "range-rate residual [m/s]").get_color(),
+        line(twin, "line-of-sight acceleration error [nm/s²]").get_color(),
     )
 
 
@@ -215,8 +221,24 @@ def test_integrator_effect(theme):
     assert line(axes, "standard deviation, precise orbit").get_ydata()[0] == 1.19e-6
     assert line(axes, "|mean| printed in Table 1").get_ydata()[0] == 1.8e-8
     assert axes.xaxis_inverted() and (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of RK4(5)", "residual [m/s]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("relative tolerance of Runge-Kutta 4(5)", "residual [m/s]")
     assert len(texts(axes.get_legend())) == 4
+
+
+def test_pair(theme):
+    figure = figures.pair()
+    assert_dressed(figure, theme)
+    upper, lower = figure.axes
+    assert [a.get_title(loc="left")[:3] for a in (upper, lower)] == ["(a)", "(b)"]
+    said = {text.get_text() for text in upper.texts}
+    assert {"A, leading", "B, trailing", "$g_A$", "$g_B$", "$e$, line of sight", "Earth, turning"} <= said
+    written = {text.get_text() for text in lower.texts}
+    assert {text for *_, text, _ in figures.BOXES.values()} <= written
+    assert not upper.axison and not lower.axison
+
+
+def test_the_ways_of_the_drawing_begin_and_end_at_boxes():
+    assert {name for flow in figures.drawings.FLOWS for name in flow} <= set(figures.BOXES)
 
 
 def test_another_ink_is_seen(theme):
@@ -230,7 +252,7 @@ def test_another_ink_is_seen(theme):
 def test_every_figure_function_has_a_smoke_image():
     public = {
         name
-        for module in (figures.series, figures.field)
+        for module in (figures.drawings, figures.series, figures.field)
         for name, item in inspect.getmembers(module, inspect.isfunction)
         if item.__module__ == module.__name__ and not name.startswith("_")
     }
@@ -240,6 +262,7 @@ def test_every_figure_function_has_a_smoke_image():
 # --- smoke images ----------------------------------------------------------------------------------------------------
 
 SMOKE = {
+    "pair": lambda: figures.pair(),
     "orbits_3d": lambda: figures.orbits_3d(circle(6.834e6), circle(6.83e6)),
     "range_and_rate": lambda: figures.range_and_rate(T, 2.2e5 + 600 * WAVE, 0.7 * WAVE),
     "node_gaps": lambda: figures.node_gaps([1, 2, 5, 10, 30], [26.0, 20.0, 7.3, 3.9, 1.12], 70),
@@ -253,6 +276,7 @@ SMOKE = {
     "degree_variances": lambda: figures.degree_variances(DEGREE, 1e-10 / DEGREE**3.0, dict.fromkeys(("N1", "E1", "U2"), 1.1e-10 / DEGREE ** 3.0)),
     "degree_differences": lambda: figures.degree_differences(DEGREE, errors(("N1", "E1", "U2")), errors(("N1", "E1", "U2"))),
     "amplitudes": lambda: figures.amplitudes(DEGREE, 1.0 / DEGREE, errors(), {"U2": 1e-3 * np.exp(DEGREE / 25)}),
+    "geoid_by_method": lambda: figures.geoid_by_method({"alike": {"N1": 5.3e-3, "E1": 3.8e-3}, "own": {"U2": 6.4e-4}}, 1.2e-2),
     "geoid_maps": lambda: figures.geoid_maps({"(a) Newton": grids()["(a) Newton"]}),
     "geoid_against_radius": lambda: figures.geoid_against_radius([0.0, 300.0, 500.0], {"N1": [0.139, 1.02e-2, 5.3e-3]}),
     "ground_track": lambda: figures.ground_track(np.linspace(-170, 170, 50), 80 * np.sin(np.linspace(0, 6, 50))),

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geokalman.data import natural_earth_dir
+from geokalman.grace.figures.names import NAMES
 from geokalman.grace.model import Array
 from geokalman.style import DIVERGING, METHODS, ink, paper
 
@@ -63,14 +64,14 @@ def degree_variances(degree: Array, reference: Array, recovered: Mapping[str, Ar
 def degree_differences(degree: Array, variances: Mapping[str, Array], amplitudes: Mapping[str, Array]) -> Figure:
     """Figure 5: |difference of degree variances| (left) and the error amplitude per degree in geoid height [m]
     (right)."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.6))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 4.2))
     for axis, curves in ((left, variances), (right, amplitudes)):
         for name, values in curves.items():
-            axis.semilogy(degree, values, label=f"{METHODS[LOOK[name]].label} ({name})", **_line(name))
+            axis.semilogy(degree, values, label=NAMES[name], **_line(name))
         axis.set_xlabel("degree n")
     left.set_ylabel("|difference of degree variances|")
     right.set_ylabel("error per degree in geoid height [m]")
-    left.legend()
+    figure.legend(handles=left.get_lines(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -80,7 +81,7 @@ def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal
     formal: id -> amplitude that white errors of the observable's size would leave, drawn as a band from half to twice
     of it.
     """
-    figure, axes = plt.subplots(figsize=(7.2, 4.4))
+    figure, axes = plt.subplots(figsize=(7.2, 5.6))
     for name, values in formal.items():
         axes.fill_between(
             degree,
@@ -89,13 +90,13 @@ def amplitudes(degree: Array, signal: Array, errors: Mapping[str, Array], formal
             color=_line(name)["color"],
             alpha=0.25,
             linewidth=0,
-            label=f"{name}, formal",
+            label=f"{NAMES[name]}, if white",
         )
     axes.semilogy(degree, signal, color=METHODS["truth"].colour, linewidth=3, alpha=0.45, label="signal")
     for name, values in errors.items():
-        axes.semilogy(degree, values, label=name, **_line(name))
+        axes.semilogy(degree, values, label=NAMES[name], **_line(name))
     axes.set(xlabel="degree n", ylabel="amplitude per degree in geoid height [m]")
-    axes.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -147,9 +148,37 @@ def geoid_against_radius(radii_km: Sequence[float], rms: Mapping[str, Sequence[f
     """Rms of the geoid-height error [m] against the radius of the Gaussian low-pass [km]."""
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in rms.items():
-        axes.semilogy(radii_km, values, label=name, **(_line(name) | {"markevery": 1}))
+        axes.semilogy(radii_km, values, label=NAMES[name], **(_line(name) | {"markevery": 1}))
     axes.set(xlabel="Gaussian radius [km]", ylabel="rms of geoid-height error [m]")
-    axes.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes.legend()
+    return figure
+
+
+def geoid_by_method(groups: Mapping[str, Mapping[str, float]], omission: float) -> Figure:
+    """Rms of the geoid-height error by observable, on a logarithmic axis in mm, in groups of observables formed alike.
+
+    groups: heading -> id -> rms [m]; omission: rms [m] that the degrees left out of the simulation would leave.
+    """
+    count = sum(len(group) + 1 for group in groups.values())
+    figure, axes = plt.subplots(figsize=(7.2, 0.7 + 0.3 * count))
+    place, ticks = 0, {}
+    for heading, group in groups.items():
+        axes.text(0.01, place, heading, transform=axes.get_yaxis_transform(), va="center", weight="bold", fontsize=9)
+        for name, value in group.items():
+            place += 1
+            method = METHODS["ukf" if name == "Q2" else LOOK[name]]
+            axes.plot(1e3 * value, place, method.marker, color=method.colour, markersize=7, label=NAMES[name])
+            axes.annotate(f"{1e3 * value:.2g}", (1e3 * value, place), (8, 0), textcoords="offset points", va="center")
+            ticks[place] = NAMES[name]
+        place += 1
+    axes.axvline(1e3 * omission, color=METHODS["neutral"].colour, linestyle="--", linewidth=1.2)
+    axes.annotate(
+        "degrees left out", (1e3 * omission, place - 0.7), (-4, 0), textcoords="offset points", ha="right",
+        va="bottom", fontsize=9, color=METHODS["neutral"].colour,
+    )  # fmt: skip
+    axes.set(xscale="log", xlabel="rms of geoid-height error [mm]", ylim=(place - 0.3, -0.7))
+    axes.set_yticks(list(ticks), list(ticks.values()))
+    axes.grid(False, axis="y")
     return figure
 
 

@@ -127,9 +127,9 @@ def weight_curve(lambdas: Array, rate_std: Array, los_std: Array, chosen: float,
     method = METHODS["ekf"]
     for axis, values, unit, scale in (
         (left, rate_std, "range-rate error [µm/s]", 1e6),
-        (right, los_std, "e·Δa error [nm/s²]", 1e9),
+        (right, los_std, "acceleration error [nm/s²]", 1e9),
     ):
-        axis.semilogx(lambdas, scale * values, color=method.colour, marker=method.marker, label="EKF + RTS")
+        axis.semilogx(lambdas, scale * values, color=method.colour, marker=method.marker, label="EKF, smoothed")
         axis.axvline(chosen, color=METHODS["neutral"].colour, linestyle=":", label=f"default, {chosen:g}")
         axis.set(xlabel=r"$\lambda_q = q h^5 / \sigma_r^2$", ylabel=f"std of {unit}")
     left.axhline(1e6 * printed, color=ink(), linewidth=0.8, linestyle="--", label="printed in Table 1")
@@ -184,9 +184,10 @@ def dial(sigmas: Array, rate_std: Array, los_std: Array, chosen: float, printed:
     twin.grid(False)
     twin.spines["right"].set_visible(True)
     (los,) = twin.semilogx(
-        sigmas, 1e9 * los_std, color=other.colour, linestyle=other.line, marker=other.marker, label="e·Δa error [nm/s²]"
-    )
-    twin.set(ylabel="std of e·Δa [nm/s²]", ylim=(0, 1.1e9 * los_std.max()))
+        sigmas, 1e9 * los_std, color=other.colour, linestyle=other.line, marker=other.marker,
+        label="line-of-sight acceleration error [nm/s²]",
+    )  # fmt: skip
+    twin.set(ylabel="std of acceleration [nm/s²]", ylim=(0, 1.1e9 * los_std.max()))
     axes.set_ylim(top=1.6 * max(printed, rate_std.max()))
     figure.legend(handles=[rate, los], loc="outside upper center", ncols=2)
     return figure
@@ -203,7 +204,7 @@ def integrator_effect(rtols: Array, std: Array, mean: Array, reference: float, p
     axes.loglog(rtols, np.abs(mean), color=METHODS["neutral"].colour, marker="v", linestyle=":", label="|mean|")
     axes.axhline(reference, color=ink(), linewidth=0.8, linestyle="--", label="standard deviation, precise orbit")
     axes.axhline(abs(printed_mean), color=ink(), linewidth=0.8, linestyle=":", label="|mean| printed in Table 1")
-    axes.set(xlabel="relative tolerance of RK4(5)", ylabel="residual [m/s]")
+    axes.set(xlabel="relative tolerance of Runge-Kutta 4(5)", ylabel="residual [m/s]")
     axes.invert_xaxis()
     axes.legend()
     return figure
