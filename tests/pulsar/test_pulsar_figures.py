@@ -149,7 +149,7 @@ def test_noise_curve():
 
 def test_smoothing():
     [axes] = labelled(figures.smoothing(EPOCH, np.full(N, 9.0), np.full(N, 6.0), "3-D position error [m]")).axes
-    assert data_of(axes, "EKF and RTS smoother")[1][0] == 6.0
+    assert data_of(axes, "EKF, smoothed")[1][0] == 6.0
 
 
 def test_timing_terms():

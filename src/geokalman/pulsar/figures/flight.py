@@ -20,7 +20,7 @@ STYLES = {
 """Name of a filter -> name of its style."""
 LABELS = {
     "ekf": "EKF", "aekf1_prw": "AEKF1, ratio", "aekf1_pr3": "AEKF1, three-part", "aekf1_pr2": "AEKF1, two-part",
-    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF and RTS smoother", "ekf_tuned": "EKF, tuned noise",
+    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF, smoothed", "ekf_tuned": "EKF, tuned noise",
 }  # fmt: skip
 """Name of a filter -> how it is called in figures, tables and prose; AEKF1 by the form of its factor."""
 SETUPS = {
@@ -33,8 +33,8 @@ COLOURS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
 """Styles of the seven pulsars, in their order."""
 _EPOCH = "epoch k, 500 s apart"
 _WORDS = (
-    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
-    ("Huber", "exact"), ("EKF", "ekf"),
+    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("smoothed", "rts"), ("UKF", "ukf"),
+    ("IGG", "exact"), ("Huber", "exact"), ("EKF", "ekf"),
 )  # fmt: skip
 
 
