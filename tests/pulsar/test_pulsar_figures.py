@@ -9,6 +9,7 @@ import pytest
 from matplotlib.colors import same_color
 
 from geokalman.pulsar import figures
+from geokalman.pulsar.model import PRESETS
 from geokalman.style import METHODS
 
 N = 60
@@ -28,6 +29,29 @@ def labelled(figure):
     figure.canvas.draw()
     assert all(axes.get_xlabel() or axes.get_ylabel() for axes in figure.axes)
     return figure
+
+
+def test_schematic_names_what_is_observed_and_what_is_done_with_it():
+    figure = figures.schematic()
+    figure.canvas.draw()
+    [axes] = figure.axes
+    told = " ".join(text.get_text() for text in axes.texts)
+    for word in (
+        "barycentre",
+        "Mars",
+        "orbiter",
+        "pulsar",
+        "pulse",
+        "$\\mathbf{n}\\cdot\\mathbf{r}$",
+        *figures.drawings.STEPS,
+    ):
+        assert word in told, word
+    assert not axes.axison
+
+
+def test_every_set_up_has_its_name():
+    assert set(figures.SETUPS) == {*PRESETS, "truthful"}
+    assert len(set(figures.SETUPS.values())) == len(figures.SETUPS)
 
 
 def test_orbit_view():
@@ -83,7 +107,7 @@ def test_against_paper():
             float(line.get_xdata()[0]) for line in axes.get_lines() if line.get_marker() in ("^", "o")
         ) == sorted(v[j] for v in scores.values())
         assert axes.get_xlabel() == f"RMS error in {'XYZ'[j]} [m]"
-    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["EKF", "AEKF1 (prw)"]
+    assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["EKF", "AEKF1, ratio"]
 
 
 def test_seed_strip_takes_the_colour_of_the_filter_that_is_named():
@@ -125,7 +149,7 @@ def test_noise_curve():
 
 def test_smoothing():
     [axes] = labelled(figures.smoothing(EPOCH, np.full(N, 9.0), np.full(N, 6.0), "3-D position error [m]")).axes
-    assert data_of(axes, "EKF + RTS")[1][0] == 6.0
+    assert data_of(axes, "EKF, smoothed")[1][0] == 6.0
 
 
 def test_timing_terms():

@@ -1,7 +1,9 @@
 """Figures of the orbiter: plain arrays in, a matplotlib Figure out, in the theme of `style.theme` in force."""
 
+from geokalman.pulsar.figures.drawings import schematic
 from geokalman.pulsar.figures.flight import (
     LABELS,
+    SETUPS,
     against_paper,
     axis_errors,
     consistency,
@@ -23,7 +25,7 @@ from geokalman.pulsar.figures.signal import (
 )  # fmt: skip
 
 __all__ = [
-    "LABELS", "accuracy", "against_paper", "arrival_residuals", "axis_errors", "consistency", "curves", "noise_curve",
-    "orbit_scale", "orbit_view", "profiles", "ranges", "seed_strip", "sky_map", "smoothing", "timing_terms",
-    "transition_errors",
+    "LABELS", "SETUPS", "accuracy", "against_paper", "arrival_residuals", "axis_errors", "consistency", "curves",
+    "noise_curve", "orbit_scale", "orbit_view", "profiles", "ranges", "schematic", "seed_strip", "sky_map", "smoothing",
+    "timing_terms", "transition_errors",
 ]  # fmt: skip

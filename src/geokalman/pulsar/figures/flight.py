@@ -19,17 +19,22 @@ STYLES = {
 }  # fmt: skip
 """Name of a filter -> name of its style."""
 LABELS = {
-    "ekf": "EKF", "aekf1_prw": "AEKF1 (prw)", "aekf1_pr3": "AEKF1 (pr3)", "aekf1_pr2": "AEKF1 (pr2)",
-    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF + RTS", "ekf_tuned": "EKF, tuned Q",
+    "ekf": "EKF", "aekf1_prw": "AEKF1, ratio", "aekf1_pr3": "AEKF1, three-part", "aekf1_pr2": "AEKF1, two-part",
+    "aekf2": "AEKF2", "raekf": "RAEKF", "ukf": "UKF", "rts": "EKF, smoothed", "ekf_tuned": "EKF, tuned noise",
 }  # fmt: skip
-"""Name of a filter -> how it is called in figures and tables."""
+"""Name of a filter -> how it is called in figures, tables and prose; AEKF1 by the form of its factor."""
+SETUPS = {
+    "A": "over-confident start", "truthful": "truthful start", "B": "matched dynamics", "C": "untuned noise",
+    "D": "tuned noise", "E": "accurate ranges",
+}  # fmt: skip
+"""Name of a preset -> how its set-up is called in figures, tables and prose."""
 AXES = "XYZ"
 COLOURS = ("ekf", "aekf1", "ukf", "aekf2", "raekf", "rts", "exact")
 """Styles of the seven pulsars, in their order."""
 _EPOCH = "epoch k, 500 s apart"
 _WORDS = (
-    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("UKF", "ukf"), ("IGG", "exact"),
-    ("Huber", "exact"), ("EKF", "ekf"),
+    ("RAEKF", "raekf"), ("AEKF2", "aekf2"), ("AEKF1", "aekf1"), ("RTS", "rts"), ("smoothed", "rts"), ("UKF", "ukf"),
+    ("IGG", "exact"), ("Huber", "exact"), ("EKF", "ekf"),
 )  # fmt: skip
 
 
@@ -109,7 +114,7 @@ def consistency(epoch: Array, nees6: Mapping[str, Array], bounds: tuple[float, f
     figure, axes = plt.subplots(figsize=(7.2, 3.4))
     for name, values in nees6.items():
         axes.semilogy(epoch, values, color=_style(name).colour, linewidth=0.8, label=LABELS.get(name, name))
-    axes.axhspan(*bounds, color=METHODS["ukf"].colour, alpha=0.25, linewidth=0, label="95 % of an honest filter")
+    axes.axhspan(*bounds, color=METHODS["ukf"].colour, alpha=0.25, linewidth=0, label="95 % of a consistent filter")
     axes.set(xlabel=_EPOCH, ylabel="NEES / 6")
     figure.legend(loc="outside upper center", ncols=3)
     return figure
@@ -195,7 +200,7 @@ def smoothing(epoch: Array, filtered: Array, smoothed: Array, ylabel: str) -> Fi
     """Draw the 3-D position error [m] of a filter and its smoother against epoch, (n,) each."""
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
     for name, values in (("ekf", filtered), ("rts", smoothed)):
-        axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=METHODS[name].label)
+        axes.semilogy(epoch, values, color=METHODS[name].colour, linewidth=0.9, label=LABELS[name])
     axes.set(xlabel=_EPOCH, ylabel=ylabel)
     axes.legend(ncols=2)
     return figure
