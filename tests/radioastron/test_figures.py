@@ -106,9 +106,9 @@ def test_ellipses(theme):
     sphere = np.eye(3) * 4e6
     figure = figures.ellipses({"prior": sphere, "ekf": np.diag([1.0, 4e6, 1e6])}, np.array([0.9, 0.3, 0.3]))
     dressed(figure, theme, "east [km]", "north [km]", "radial [km]")
-    x, y = line(figure.axes[0], "a-priori orbit").get_data()
+    x, y = line(figure.axes[0], "before tracking").get_data()
     np.testing.assert_allclose(np.hypot(x, y), 2.0)
-    x, y = line(figure.axes[1], figures.NAMES["ekf"]).get_data()
+    x, y = line(figure.axes[1], "after tracking").get_data()
     assert np.abs(x).max() == pytest.approx(2.0, rel=1e-3) and np.abs(y).max() == pytest.approx(1e-3, rel=1e-2)
     x, y = (values[1] for values in line(figure.axes[0], "to the source").get_data())
     assert x == pytest.approx(y) and x > 0
@@ -127,7 +127,7 @@ def test_scans_show_medians_of_sizes(theme):
     figure = figures.scans(delay, rate, ((np.nan, np.nan), (1.8e-10, 2e-11)))
     dressed(figure, theme, "[µs]", "[1e-10 s/s]")
     np.testing.assert_allclose(
-        line(figure.axes[0], figures.NAMES["ekf"]).get_ydata(), 1e6 * np.median(np.abs(delay["ekf"]), axis=0)
+        line(figure.axes[0], figures.ORBITS["ekf"]).get_ydata(), 1e6 * np.median(np.abs(delay["ekf"]), axis=0)
     )
     levels = [
         artist.get_ydata()[0]
@@ -157,7 +157,7 @@ def test_share_of_runs_that_gain_more(theme):
     figure = figures.histogram({"ekf": np.array([4.0, 1.0, 2.0, 20.0])}, 10.0, "gain")
     dressed(figure, theme, "gain", "share of runs")
     np.testing.assert_array_equal(
-        line(figure.axes[0], figures.NAMES["ekf"]).get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]]
+        line(figure.axes[0], figures.ORBITS["ekf"]).get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]]
     )
     assert line(figure.axes[0], "printed").get_xdata()[0] == 10.0
 
@@ -196,7 +196,7 @@ def test_scan_snr_leaves_flagged_scans_out(theme):
     snr = {"prior": np.tile([30.0, 31.0, 32.0], (4, 1)), "ekf": np.tile([50.0, 51.0, 52.0], (4, 1))}
     figure = figures.scan_snr(snr, {"prior": (25, 30)}, (1,))
     dressed(figure, theme, "scan", "SNR")
-    y = line(figure.axes[0], figures.NAMES["ekf"]).get_ydata()
+    y = line(figure.axes[0], figures.ORBITS["ekf"]).get_ydata()
     assert np.isnan(y[1]) and y[0] == 50.0 and y[2] == 52.0
     band = figure.axes[0].collections[0].get_paths()[0].vertices  # of four runs, hence the range
     assert band[:, 1].min() == 30.0

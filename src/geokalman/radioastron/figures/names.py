@@ -16,6 +16,8 @@ NAMES = {
     "batch-bias": "batch with bias states",
 }
 """Estimators by the names of `experiment.ALL`; a filter without another word is the extended Kalman filter."""
+ORBITS = {"prior": "a-priori orbit", "ekf": "filter"}
+"""The two orbits of a figure that compares no filters."""
 WEIGHTS = {
     "inflated": "inflated weights (50 m, 3 mm/s)",
     "naive": "noise-only weights (10 m, 1 mm/s)",
