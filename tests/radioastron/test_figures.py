@@ -240,6 +240,6 @@ def test_methods_keep_their_colours():
 def test_everything_that_is_compared_has_a_name():
     assert set(figures.NAMES) == set(experiment.ALL) and len(set(figures.NAMES.values())) == len(figures.NAMES)
     assert set(figures.SESSION_NAMES) == set(SESSIONS)
-    assert figures.case_name("ST range only") == "May 2013, L band: range only"
-    assert figures.case_name("OE two stations biases") == "March 2013, C band: two stations, biases estimated"
-    assert figures.case_name("OE") == "March 2013, C band"
+    assert figures.case_name("ST range only") == "May 2013: range only"
+    assert figures.case_name("OE two stations biases") == "March 2013: two stations, biases estimated"
+    assert figures.case_name("OE") == "March 2013"

@@ -25,8 +25,8 @@ WEIGHTS = {
 }
 """What an estimator assumes of its measurements."""
 SESSION_NAMES = {
-    "ST": "May 2013, L band",
-    "OE": "March 2013, C band",
+    "ST": "May 2013",
+    "OE": "March 2013",
     "BB": "July 2012, three telescopes",
     "BC": "July 2012, Effelsberg",
 }
@@ -36,7 +36,7 @@ BIASES = {"none": "no bias", "common": "common bias", "per-pass": "bias per pass
 
 
 def case_name(case: str) -> str:
-    """Name a case that begins with the letters of its session: `ST range only` is `May 2013, L band: range only`."""
+    """Name a case that begins with the letters of its session: `ST range only` is `May 2013: range only`."""
     session, _, rest = case.partition(" ")
     rest = rest.replace("stations biases", "stations, biases estimated")
     return f"{SESSION_NAMES[session]}: {rest}" if rest else SESSION_NAMES[session]
