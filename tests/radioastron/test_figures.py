@@ -9,8 +9,9 @@ from artists import line
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 
-from geokalman.radioastron import figures
+from geokalman.radioastron import experiment, figures
 from geokalman.radioastron.correlator import Plane
+from geokalman.radioastron.model import SESSIONS
 from geokalman.style import METHODS
 
 RNG = np.random.default_rng(1)
@@ -36,6 +37,17 @@ def test_orbit_view(theme):
     x, y = line(figure.axes[0], "tracking").get_data()
     np.testing.assert_allclose(np.hypot(x, y), np.linalg.norm(orbit[5:9], axis=1) / 1e6)
     assert np.hypot(*(a[1] for a in line(figure.axes[0], "to the source").get_data())) <= 150.0 + 1e-9
+
+
+def test_the_schematic_names_what_it_draws(theme):
+    figure = figures.schematic()
+    dressed(figure, theme)
+    [axes] = figure.axes
+    words = {text.get_text() for text in axes.texts}
+    assert {"Earth", "Spektr-R", "tracking\nstation", "radio\ntelescope", "error before tracking"} <= words
+    ellipse = axes.patches[-1]
+    assert ellipse.get_width() < 0.1 * ellipse.get_height()  # thin along the line of sight
+    assert all(np.isfinite(text.get_position()).all() for text in axes.texts)
 
 
 def test_ground_track_is_cut_at_the_date_line(theme):
@@ -94,9 +106,9 @@ def test_ellipses(theme):
     sphere = np.eye(3) * 4e6
     figure = figures.ellipses({"prior": sphere, "ekf": np.diag([1.0, 4e6, 1e6])}, np.array([0.9, 0.3, 0.3]))
     dressed(figure, theme, "east [km]", "north [km]", "radial [km]")
-    x, y = line(figure.axes[0], "a-priori orbit").get_data()
+    x, y = line(figure.axes[0], "before tracking").get_data()
     np.testing.assert_allclose(np.hypot(x, y), 2.0)
-    x, y = line(figure.axes[1], "EKF").get_data()
+    x, y = line(figure.axes[1], "after tracking").get_data()
     assert np.abs(x).max() == pytest.approx(2.0, rel=1e-3) and np.abs(y).max() == pytest.approx(1e-3, rel=1e-2)
     x, y = (values[1] for values in line(figure.axes[0], "to the source").get_data())
     assert x == pytest.approx(y) and x > 0
@@ -114,7 +126,9 @@ def test_scans_show_medians_of_sizes(theme):
     rate = {name: values * 1e-5 for name, values in delay.items()}
     figure = figures.scans(delay, rate, ((np.nan, np.nan), (1.8e-10, 2e-11)))
     dressed(figure, theme, "[µs]", "[1e-10 s/s]")
-    np.testing.assert_allclose(line(figure.axes[0], "EKF").get_ydata(), 1e6 * np.median(np.abs(delay["ekf"]), axis=0))
+    np.testing.assert_allclose(
+        line(figure.axes[0], figures.ORBITS["ekf"]).get_ydata(), 1e6 * np.median(np.abs(delay["ekf"]), axis=0)
+    )
     levels = [
         artist.get_ydata()[0]
         for artist in figure.axes[1].get_lines()
@@ -143,7 +157,7 @@ def test_share_of_runs_that_gain_more(theme):
     figure = figures.histogram({"ekf": np.array([4.0, 1.0, 2.0, 20.0])}, 10.0, "gain")
     dressed(figure, theme, "gain", "share of runs")
     np.testing.assert_array_equal(
-        line(figure.axes[0], "EKF").get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]]
+        line(figure.axes[0], figures.ORBITS["ekf"]).get_data(), [[1.0, 2.0, 4.0, 20.0], [1.0, 0.75, 0.5, 0.25]]
     )
     assert line(figure.axes[0], "printed").get_xdata()[0] == 10.0
 
@@ -182,7 +196,7 @@ def test_scan_snr_leaves_flagged_scans_out(theme):
     snr = {"prior": np.tile([30.0, 31.0, 32.0], (4, 1)), "ekf": np.tile([50.0, 51.0, 52.0], (4, 1))}
     figure = figures.scan_snr(snr, {"prior": (25, 30)}, (1,))
     dressed(figure, theme, "scan", "SNR")
-    y = line(figure.axes[0], "EKF").get_ydata()
+    y = line(figure.axes[0], figures.ORBITS["ekf"]).get_ydata()
     assert np.isnan(y[1]) and y[0] == 50.0 and y[2] == 52.0
     band = figure.axes[0].collections[0].get_paths()[0].vertices  # of four runs, hence the range
     assert band[:, 1].min() == 30.0
@@ -221,3 +235,11 @@ def test_a_lost_unit_and_another_ink_are_seen(theme, unit, colour):
 
 def test_methods_keep_their_colours():
     assert {"prior", "ekf", "batch", "naive"} <= set(METHODS)
+
+
+def test_everything_that_is_compared_has_a_name():
+    assert set(figures.NAMES) == set(experiment.ALL) and len(set(figures.NAMES.values())) == len(figures.NAMES)
+    assert set(figures.SESSION_NAMES) == set(SESSIONS)
+    assert figures.case_name("ST range only") == "May 2013: range only"
+    assert figures.case_name("OE two stations biases") == "March 2013: two stations, biases estimated"
+    assert figures.case_name("OE") == "March 2013"

@@ -16,10 +16,12 @@ from geokalman.radioastron.figures.errors import (
     sweep,
 )  # fmt: skip
 from geokalman.radioastron.figures.fringes import losses, planes, ratio_histogram, scan_snr
+from geokalman.radioastron.figures.names import BIASES, NAMES, ORBITS, SESSION_NAMES, WEIGHTS, case_name
 from geokalman.radioastron.figures.orbit import around, elevation, ground_track, orbit_view
+from geokalman.radioastron.figures.schematic import schematic
 
 __all__ = [
-    "around", "bars", "corrections", "covariance_history", "divergence", "elevation", "ellipses", "ground_track",
-    "histogram", "innovations", "losses", "orbit_view", "planes", "ratio_histogram", "scan_snr",
-    "scans", "sizes", "sweep",
+    "BIASES", "NAMES", "ORBITS", "SESSION_NAMES", "WEIGHTS", "around", "bars", "case_name", "corrections",
+    "covariance_history", "divergence", "elevation", "ellipses", "ground_track", "histogram", "innovations", "losses",
+    "orbit_view", "planes", "ratio_histogram", "scan_snr", "scans", "schematic", "sizes", "sweep",
 ]  # fmt: skip

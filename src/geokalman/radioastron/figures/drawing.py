@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter
 
+from geokalman.radioastron.figures.names import NAMES, ORBITS
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS
 
@@ -16,7 +17,12 @@ from geokalman.style import METHODS
 def method(name: str, *parts: str, **changes: Any) -> dict[str, Any]:
     """Keywords of `plot` for a method of `style.METHODS`: its colour and `parts` of linestyle, marker and label."""
     m = METHODS[name]
-    all_parts = {"color": m.colour, "linestyle": m.line, "marker": m.marker, "label": m.label}
+    all_parts = {
+        "color": m.colour,
+        "linestyle": m.line,
+        "marker": m.marker,
+        "label": (NAMES | ORBITS).get(name, m.label),
+    }
     return {part: all_parts[part] for part in ("color", *parts)} | changes
 
 

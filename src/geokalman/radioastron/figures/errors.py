@@ -86,22 +86,23 @@ def sweep(scale: Array, delay: Array, rate: Array, label: str) -> Figure:
 def ellipses(covariances: Mapping[str, Array], source: Array) -> Figure:
     """One-sigma ellipses of the position in the plane of the sky, and seen from the side.
 
-    covariances: method of `style.METHODS` -> (3, 3) [m^2] in radial, east and north; source (3,): unit vector in the
-    same axes.
+    covariances: `prior` or `ekf`, before and after tracking -> (3, 3) [m^2] in radial, east and north;
+    source (3,): unit vector in the same axes.
     """
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 3.9))
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
+    labels = {"prior": "before tracking", "ekf": "after tracking"}
     size = 1e-3 * np.sqrt(max(np.trace(cov) for cov in covariances.values()) / 3.0)
     for panel, pair, title in zip(panels, ((1, 2), (1, 0)), ("plane of the sky", "from the side"), strict=True):
         for name, cov in covariances.items():
             # the root by eigenvectors: the ellipse may be a thousand times as long as it is wide
             values, vectors = np.linalg.eigh(cov[np.ix_(pair, pair)])
             x, y = 1e-3 * (vectors * np.sqrt(np.maximum(values, 0.0))) @ np.array([np.cos(angle), np.sin(angle)])
-            panel.plot(x, y, **method(name, "linestyle", "label"))
+            panel.plot(x, y, **method(name, "linestyle", label=labels[name]))
         ray = np.outer([0.0, size], source[list(pair)] / np.linalg.norm(source[list(pair)]))
         panel.plot(ray[:, 0], ray[:, 1], **method("neutral", linestyle=":", label="to the source"))
-        labels = [f"{('radial', 'east', 'north')[axis]} [km]" for axis in pair]
-        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal")
+        across, up = (f"{('radial', 'east', 'north')[axis]} [km]" for axis in pair)
+        panel.set(xlabel=across, ylabel=up, aspect="equal")
         panel.set_title(title, loc="left")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure

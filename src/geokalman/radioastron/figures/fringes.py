@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from geokalman.radioastron.correlator import Plane
 from geokalman.radioastron.figures.drawing import band, method, plain_logarithm, two_thirds
+from geokalman.radioastron.figures.names import ORBITS
 from geokalman.radioastron.model import Array
 from geokalman.style import METHODS, SEQUENTIAL, ink
 
@@ -62,7 +63,7 @@ def scan_snr(
         look = method(name, "linestyle", "marker", "label")
         axes.plot(x, np.median(values, axis=0), **look | {"label": (labels or {}).get(name, look["label"])})
     for k, (name, (low, high)) in enumerate(printed.items()):
-        label = f"printed, {METHODS[name].label}" if k < 2 else None
+        label = f"printed, {ORBITS[name]}" if k < 2 else None
         axes.axhspan(low, high, **method(name, label=label), alpha=0.15, linewidth=0, hatch="//")
     for k in flagged:
         axes.annotate(
