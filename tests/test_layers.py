@@ -13,7 +13,7 @@ from execbook import notebooks
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "geokalman"
-APPLICATIONS = {"grace", "attitude", "airborne", "radioastron", "pulsar"}
+APPLICATIONS = {"pair", "grace", "attitude", "airborne", "radioastron", "pulsar"}
 GROUND = {"constants", "data", "reading", "style", "compilation", "memory", "progress"}
 MODELS = {"physics", "leastsquares", "kalman"}
 ALLOWED = {

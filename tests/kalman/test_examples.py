@@ -18,7 +18,10 @@ from geokalman.physics import harmonics
 
 MODULES = [importlib.import_module(f"geokalman.kalman.{found.name}") for found in pkgutil.iter_modules(kalman.__path__)]
 MODULES += [kalman, leastsquares, harmonics]
-APPLICATIONS = ("grace.estimate", "attitude.experiment", "airborne.estimate", "radioastron.estimate", "pulsar.estimate")
+APPLICATIONS = (
+    "pair.model", "pair.estimate", "grace.estimate", "attitude.experiment", "airborne.estimate", "radioastron.estimate",
+    "pulsar.estimate",
+)  # fmt: skip
 SHOWN = [importlib.import_module(f"geokalman.{name}") for name in ("physics.sphere", "physics.field", *APPLICATIONS)]
 KERNELS = ("geokalman.kalman.dense", "geokalman.kalman.loop")
 
