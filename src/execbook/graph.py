@@ -96,12 +96,12 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
 def key(root: Path, name: str, shared: str | None = None) -> str:
     """Give the SHA-256 (hex) over all that a run of the notebook comes from.
 
-    The notebook's source (its default parameters among it), the modules that it imports with all they import, the
+    The notebook's code with its tags (the default parameters among it; its prose is staged anew), the modules that it imports with all they import, the
     machinery that executes it, the claims it judges, the readings that it runs, the vendored data and the locked
     environment.
     """
-    text = notebooks.source_path(root, name).read_text(encoding="utf-8")
-    code = notebooks.code(notebooks.read(root, name))
+    notebook = notebooks.read(root, name)
+    code = notebooks.code(notebook)
     try:
         modules = sources.imported_modules(code, {project.read(root).package, "execbook"})
     except SyntaxError:  # it will say so itself when executed
@@ -112,7 +112,7 @@ def key(root: Path, name: str, shared: str | None = None) -> str:
     judged = claims.ledger(root, paper) if worlds else claims.decided_by(root, name) if judges else []
     readings = multiverse.choices(root, paper) if worlds else []
     parts = {
-        "source": text,
+        "source": [(c.source, c.metadata.get("tags", [])) for c in notebook.cells if c.cell_type == "code"],
         "code": sources.code_hash(modules | {"execbook.execute"}),
         "claims": [c.model_dump(mode="json") for c in judged],
         "readings": [choice.model_dump(mode="json") for choice in readings],

@@ -79,7 +79,8 @@ def stage(root: Path) -> Path:
             target.parent.mkdir(parents=True, exist_ok=True)
             if page in runs:
                 files = target.with_name(f"{target.name}.files")
-                notebook = stage_notebook(page, runs[page], files, partial(fill, root=root))
+                source = notebooks.read(root, page)
+                notebook = stage_notebook(page, runs[page], files, partial(fill, root=root), source=source)
                 notebook.cells.append(new_markdown_cell(_foot(root, page, runs[page], files)))
                 nbformat.write(notebooks.tidy(notebook, page), target.with_name(f"{target.name}.ipynb"))
             else:
@@ -101,15 +102,19 @@ def alone(target: Path) -> Iterator[None]:
 
 
 def stage_notebook(
-    page: str, run: Path, files: Path, filled: Callable[[str], str] = str, offer: bool = True
-) -> NotebookNode:
+    page: str, run: Path, files: Path, filled: Callable[[str], str] = str, offer: bool = True,
+    source: NotebookNode | None = None,
+) -> NotebookNode:  # fmt: skip
     """Make a page of the executed notebook of `run`; what it shows is copied into `files`.
 
     A table of claims is made anew where `filled` knows how, since verdicts may rest on other pages' numbers.
 
     filled  what fills in the prose;  offer: whether the data of figures and tables are offered as downloads
+    source  the notebook as it is now, whose prose may have changed since the run
     """
     notebook = nbformat.read(run / "notebook.ipynb", as_version=4)
+    if source is not None:
+        notebook.cells = _with_prose(source, notebook)
     files.mkdir(parents=True)
     cells: list[NotebookNode] = []
     for cell in notebook.cells:
@@ -133,6 +138,15 @@ def stage_notebook(
             cells.extend(new_markdown_cell(text) for text in shown if text is not None)
     metadata = {key: value for key, value in notebook.metadata.items() if key == "language_info"}
     return notebooks.tidy(new_notebook(cells=cells, metadata=metadata), page)
+
+
+def _with_prose(source: NotebookNode, executed: NotebookNode) -> list[NotebookNode]:
+    """Give the cells of `source`, those of code as they were executed; all executed ones where the code differs."""
+    done = [cell for cell in executed.cells if cell.cell_type == "code"]
+    if [cell.source for cell in done] != [cell.source for cell in source.cells if cell.cell_type == "code"]:
+        return list(executed.cells)
+    remaining = iter(done)
+    return [next(remaining) if cell.cell_type == "code" else cell for cell in source.cells]
 
 
 def _fold(cell: NotebookNode) -> None:

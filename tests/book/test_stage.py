@@ -40,6 +40,16 @@ def test_pages_come_in_the_order_of_the_contents(toy_root: Path) -> None:
     assert contents.pages(toy_root) == ["index", "toy/index", "toy/01-wave", "practice/rerun"]
 
 
+def test_prose_edited_since_the_run_is_shown_unless_the_code_was_edited_too() -> None:
+    cells = nbformat.v4.new_markdown_cell, nbformat.v4.new_code_cell
+    executed = nbformat.v4.new_notebook(cells=[cells[0]("# Old"), cells[1]("1 + 1", execution_count=1)])
+    source = nbformat.v4.new_notebook(cells=[cells[0]("# New"), cells[0]("More."), cells[1]("1 + 1")])
+    shown = stage._with_prose(source, executed)
+    assert [cell.source for cell in shown] == ["# New", "More.", "1 + 1"] and shown[2].execution_count == 1
+    source.cells[2].source = "1 + 2"
+    assert stage._with_prose(source, executed) == executed.cells
+
+
 def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> None:
     prose = text(toy_root, "markdown")
     assert "```{figure} 01-wave.files/wave.light.png\n:name: wave\n" in prose
