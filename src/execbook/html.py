@@ -23,13 +23,13 @@ from execbook.stage import alone, stage_notebook
 
 _ENGINE = (
     "jupyter-book", "sphinx", "sphinx-book-theme", "pydata-sphinx-theme", "myst-nb", "myst-parser", "docutils",
-    "sphinxcontrib-bibtex", "sphinx-design", "sphinx-mathjax-offline",
+    "sphinxcontrib-bibtex", "sphinx-design", "sphinx-exercise", "sphinx-mathjax-offline",
 )  # fmt: skip
 _RECORD = ".made.json"
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 _SHOWN = 40  # warnings in the message; all of them are in the log
 _CONF = """
-extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx_design", "sphinxcontrib.bibtex"]
+extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx_design", "sphinx_exercise", "sphinxcontrib.bibtex"]
 nb_execution_mode = "off"
 html_permalinks = False
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath", "tasklist"]

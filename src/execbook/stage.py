@@ -139,6 +139,7 @@ def _fold(cell: NotebookNode) -> None:
     """Fold a code cell's source away unless its author tagged it `show-input`."""
     tags = list(cell.metadata.get("tags", []))
     if "show-input" not in tags:
+        tags = [tag for tag in tags if tag != "hide-input"]  # which an author may give as well
         label = "Parameters" if "parameters" in tags else "Code"
         cell.metadata["mystnb"] = {"code_prompt_show": f"{label}: show", "code_prompt_hide": f"{label}: hide"}
         tags.append("hide-input")

@@ -26,20 +26,24 @@ def looks() -> Iterator[MethodStyle]:
     return itertools.cycle(METHODS[name] for name in LOOKS)
 
 
-def filtered(t: Array, truth: Array, seen: Array, mean: Array, sigma: Array, labels: Sequence[str]) -> Figure:
+def filtered(
+    t: Array, truth: Array, seen: Array, mean: Array, sigma: Array, labels: Sequence[str],
+    names: Sequence[str] = ("observed", "filter"),
+) -> Figure:  # fmt: skip
     """A quantity above, its observations and its estimate; below, the error of both with the band of two sigma.
 
-    t (n,) [s]; truth, seen (NaN where missing), mean, sigma (n,); labels : of the upper and of the lower axis.
+    t (n,) [s]; truth, seen (NaN where missing), mean, sigma (n,); labels : of the upper and of the lower axis;
+    names : of what is seen and of the estimate.
     """
     figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7.2, 4.8))
     look = METHODS["ekf"]
     upper.plot(t / 60, truth, color=METHODS["truth"].colour, label="truth")
-    upper.plot(t / 60, seen, ".", color=METHODS["newton"].colour, label="observed")
-    upper.plot(t / 60, mean, color=look.colour, linestyle="--", label="filter")
+    upper.plot(t / 60, seen, ".", color=METHODS["newton"].colour, label=names[0])
+    upper.plot(t / 60, mean, color=look.colour, linestyle="--", label=names[1])
     upper.set_ylabel(labels[0])
     upper.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
-    lower.plot(t / 60, seen - truth, ".", color=METHODS["newton"].colour, label="observation")
-    band(lower, t, mean - truth, sigma, look, "filter")
+    lower.plot(t / 60, seen - truth, ".", color=METHODS["newton"].colour, label=names[0])
+    band(lower, t, mean - truth, sigma, look, names[1])
     lower.set(xlabel="time [min]", ylabel=labels[1])
     lower.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
     return figure
