@@ -12,9 +12,11 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.figure import Figure
 
-from geokalman.pair.figures import LOOKS, ellipse, looks
+from geokalman.pair.figures import LOOKS, ellipse
 from geokalman.pair.model import Array
 from geokalman.style import METHODS, SEQUENTIAL, ink, paper
+
+_LOOK = {"EKF": "ekf", "iterated EKF": "newton", "UKF": "ukf"}
 
 
 def banana(
@@ -29,8 +31,8 @@ def banana(
     figure, axes = plt.subplots(figsize=(7.2, 4.2))
     shade = LinearSegmentedColormap.from_list("density", [to_rgba(paper()), to_rgba(METHODS["exact"].colour)])
     axes.pcolormesh(x, y, density, cmap=shade, shading="auto", rasterized=True)
-    for look, (name, (mean, cov)) in zip(looks(), series.items(), strict=False):
-        ellipse(axes, mean, cov, look, name)
+    for name, (mean, cov) in series.items():
+        ellipse(axes, mean, cov, METHODS[_LOOK.get(name, "neutral")], name)
     if points is not None:
         axes.plot(*points.T, "o", markersize=5, color=METHODS["ukf"].colour, label="sigma points")
     if curve is not None:
