@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_rgba
 from matplotlib.figure import Figure
 
-from geokalman.pair.figures import LOOKS, ellipse
+from geokalman.pair.figures import LOOKS, ellipse, looks
 from geokalman.pair.model import Array
 from geokalman.style import METHODS, SEQUENTIAL, ink, paper
 
@@ -55,6 +55,22 @@ def matrices(series: Mapping[str, Array], label: str) -> Figure:
         axis.set(title=title, xlabel="unknown", ylabel="unknown")
         axis.grid(False)
     figure.colorbar(shown, ax=axes[0], label=label, shrink=0.8)
+    return figure
+
+
+def consistency(minutes: Array, series: Mapping[str, tuple[Array, float, float, float]]) -> Figure:
+    """Mean normalised squares against time [min], a panel for each, with the band of a consistent filter.
+
+    series : title -> (mean (n,), lower bound, upper bound, expectation).
+    """
+    figure, axes = plt.subplots(len(series), 1, sharex=True, squeeze=False, figsize=(7.2, 0.8 + 1.7 * len(series)))
+    for axis, look, (title, (mean, low, high, expected)) in zip(axes[:, 0], looks(), series.items(), strict=False):
+        axis.axhspan(low, high, color=look.colour, alpha=0.18, linewidth=0)
+        axis.axhline(expected, color=ink(), linewidth=0.9, linestyle=":")
+        axis.plot(minutes, mean, color=look.colour, linewidth=0.9)
+        axis.set_title(title, loc="left")
+        axis.set(ylabel="mean", ylim=(0, None))
+    axes[-1, 0].set_xlabel("time [min]")
     return figure
 
 
