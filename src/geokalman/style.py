@@ -56,11 +56,11 @@ METHODS: dict[str, MethodStyle] = {
     "raekf": MethodStyle("#7a6a00", "#e6d84a", (0, (5, 1, 1, 1)), "D", "RAEKF"),
     "rts": MethodStyle("#4b4bab", "#aeaeff", "-", "v", "EKF + RTS"),
     "forward": MethodStyle("#b34700", "#ff9b52", ":", "s", "forward filter"),
-    "fb": MethodStyle("#0072b2", "#62b8ee", "--", "o", "forward and backward"),
+    "fb": MethodStyle("#0072b2", "#62b8ee", "--", "o", "forward-backward smoother"),
     "reference": MethodStyle("#000000", "#f2f2f2", "-", "", "reference"),
-    "contractor": MethodStyle("#00795a", "#2fcf9f", "-.", "^", "contractor, line product"),
-    "grid": MethodStyle("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor, gridded"),
-    "joint": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint"),
+    "contractor": MethodStyle("#00795a", "#2fcf9f", "-.", "^", "contractor's line product"),
+    "grid": MethodStyle("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "contractor's gridded product"),
+    "joint": MethodStyle("#9b4f80", "#e29bc7", (0, (5, 1, 1, 1)), "D", "joint estimate"),
     "neutral": MethodStyle("#7a6a00", "#e6d84a", (0, (1, 1)), "v", "other"),
 }
 

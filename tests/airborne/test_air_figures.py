@@ -54,7 +54,7 @@ def test_gauss_markov(theme):
 def test_steady(theme):
     figure = figures.steady(T, np.full(400, 2.0), np.full(400, 1.0), (2.0, 1.0))
     assert_dressed(figure, theme)
-    assert line(figure.axes[0], "smoother").get_ydata()[0] == 1.0
+    assert line(figure.axes[0], figures.NAMES["fb"]).get_ydata()[0] == 1.0
     assert labels(figure) == [("time [s]", "standard deviation [mGal]")]
     assert figure.axes[0].get_ylim() == pytest.approx((0, 4.4))
 
@@ -100,8 +100,8 @@ def test_fir_scan(theme):
     scans = {"a": np.array([0.5, 0.3])}, {"a": {"smoother": 0.2}}, {"a": np.array([0.4, 0.2])}
     figure = figures.fir_scan(np.array([60.0, 100.0]), *scans)
     assert_dressed(figure, theme)
-    np.testing.assert_array_equal(line(figure.axes[0], "FIR, clean ends").get_ydata(), [0.4, 0.2])
-    np.testing.assert_array_equal(line(figure.axes[0], "FIR").get_ydata(), [0.5, 0.3])
+    np.testing.assert_array_equal(line(figure.axes[0], "FIR low-pass, clean ends").get_ydata(), [0.4, 0.2])
+    np.testing.assert_array_equal(line(figure.axes[0], "FIR low-pass, ends repeated").get_ydata(), [0.5, 0.3])
     assert labels(figure) == [("cutoff of the FIR [s]", "sd against truth [mGal]")]
 
 
@@ -115,7 +115,7 @@ def test_spectra(theme):
 def test_per_line(theme):
     figure = figures.per_line(["1", "2"], {"fb": np.array([1.0, 0.5]), "grid": np.array([0.4, 0.2])})
     assert_dressed(figure, theme)
-    np.testing.assert_array_equal(line(figure.axes[0], "forward and backward, mean 0.750").get_ydata(), [1.0, 0.5])
+    np.testing.assert_array_equal(line(figure.axes[0], "forward-backward smoother, mean 0.750").get_ydata(), [1.0, 0.5])
     assert figure.axes[0].get_ylabel() == "sd against ground gravity [mGal]"
 
 
@@ -185,6 +185,22 @@ def test_drawings_name_every_block_and_step(theme):
         "1",
         "5",
     }
+
+
+def test_the_schematic_names_what_is_measured_and_both_passes(theme):
+    figure = figures.schematic()
+    assert_dressed(figure, theme)
+    shown = " ".join(text.get_text() for text in figure.axes[0].texts)
+    for words in ("specific force", "GNSS", "ellipsoid", "forward filter", "backward filter", "gravity disturbance"):
+        assert words in shown
+
+
+def test_names_are_those_of_the_style_and_tell_low_passes_apart():
+    assert all(figures.NAMES[key] == METHODS[key].label for key in ("forward", "fb", "contractor", "grid", "joint"))
+    assert figures.low_pass("fircut100") == "FIR low-pass 100 s, clean ends"
+    assert (
+        figures.low_pass("butter60") == "Butterworth low-pass 60 s" and figures.low_pass("fir60") == "FIR low-pass 60 s"
+    )
 
 
 def test_another_ink_is_seen(theme):

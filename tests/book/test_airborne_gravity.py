@@ -24,7 +24,7 @@ PAPER = "airborne-gravity"
 ROOT = project_root(Path(__file__).parent)
 QUICK = tuple(sorted(p.stem for p in (ROOT / "book" / PAPER).glob("[0-9]*.md")))
 ANCHORED = tuple(name for name in QUICK if name not in ("11-throughput", "12-joint", "13-search"))
-DRAWINGS = ("a01-system", "a01-chain")
+DRAWINGS = ("a01-schematic", "a01-system", "a01-chain")
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="ten thousands of epochs take hours in plain Python")
 
 

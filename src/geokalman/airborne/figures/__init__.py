@@ -3,7 +3,7 @@
 Every function takes plain arrays and returns a matplotlib Figure, drawn in the theme of `style.theme` that is in force.
 """
 
-from geokalman.airborne.figures.drawings import BLOCKS, STEPS, chain, system
+from geokalman.airborne.figures.drawings import BLOCKS, STEPS, chain, schematic, system
 from geokalman.airborne.figures.lines import (
     Panel,
     consistency,
@@ -21,10 +21,14 @@ from geokalman.airborne.figures.lines import (
     timings,
 )
 from geokalman.airborne.figures.maps import along_lines, grids, tracks
+from geokalman.airborne.figures.names import NAMES, STARTS, WORLDS, low_pass
 
 __all__ = [
     "BLOCKS",
+    "NAMES",
+    "STARTS",
     "STEPS",
+    "WORLDS",
     "Panel",
     "along_lines",
     "chain",
@@ -34,8 +38,10 @@ __all__ = [
     "gains",
     "gauss_markov",
     "grids",
+    "low_pass",
     "per_line",
     "repeats",
+    "schematic",
     "six_panels",
     "spectra",
     "starts",

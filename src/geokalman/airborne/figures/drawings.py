@@ -1,11 +1,12 @@
-"""Figures 1 and 4 of the paper as drawings: the system in three blocks, and the chain of processing."""
+"""Drawings without data: what is measured on a flight line, and Figures 1 and 4 of the paper (system, chain)."""
 
 from __future__ import annotations
 
 import matplotlib.pyplot as plt
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyBboxPatch
+from matplotlib.patches import Ellipse, FancyBboxPatch
 
 from geokalman.style import METHODS, ink, paper
 
@@ -28,6 +29,72 @@ STEPS = (
     ("gravity model and $f'$", "Kalman, forward\nand backward", "gravity"),
 )
 """Figure 4: what goes in, what is done, what comes out; the book starts at step 4."""
+
+
+def schematic() -> Figure:
+    """Draw what is measured on a flight line, and how two passes of a filter make gravity of it.
+
+    Left the geometry: specific force in the aircraft, height by GNSS, gravity of a dense body below. Right the
+    estimate: the twice integrated force less the height, filtered forward and backward, then combined.
+    """
+    figure, axes = plt.subplots(figsize=(7.2, 4.5))
+    fb, forward, other = (METHODS[name].colour for name in ("fb", "forward", "contractor"))
+    _flight(axes, forward, other)
+    for y, height, text, colour in (
+        (5.45, 0.8, r"$h' = \iint (f_3' - g_0 + g_E)\,\mathrm{d}t^2$", forward),
+        (4.2, 0.8, r"$\Delta h' = h' - h''$", ink()),
+        (0.25, 0.9, "gravity disturbance $\\delta g$\nwith its standard deviation", fb),
+    ):
+        _box(axes, 7.0, y, 3.6, height, text, colour)
+    _box(axes, 5.95, 2.1, 2.5, 1.15, "forward filter\nuses the past", forward)
+    _box(axes, 9.15, 2.1, 2.5, 1.15, "backward filter\nuses the future", other)
+    for start, end in (
+        ((8.8, 5.39), (8.8, 5.06)), ((8.4, 4.14), (7.2, 3.32)), ((9.2, 4.14), (10.4, 3.32)),
+        ((7.2, 2.04), (8.3, 1.22)), ((10.4, 2.04), (9.3, 1.22)),
+    ):  # fmt: skip
+        _arrow(axes, start, end)
+    axes.text(8.8, 1.62, "combined", ha="center", va="center", fontsize=8)
+    axes.text(8.8, 3.45, "every 0.5 s", ha="center", va="center", fontsize=8)
+    axes.annotate("", (6.9, 4.6), (4.0, 4.15), arrowprops={"arrowstyle": "->", "color": other, "linestyle": "--"})
+    axes.text(5.75, 4.62, "$h''$", ha="center", va="bottom", fontsize=9, color=other)
+    axes.annotate("", (6.9, 5.85), (3.35, 4.05), arrowprops={"arrowstyle": "->", "color": forward, "linestyle": "--"})
+    axes.text(5.6, 5.4, "$f_3'$", ha="center", va="bottom", fontsize=9, color=forward)
+    return _bare(figure, axes, (0, 11.8), (-0.1, 6.5))
+
+
+def _flight(axes: Axes, force: str, height: str) -> None:
+    """Draw the left half: aircraft, satellite, base station, ellipsoid and a dense body below the ground."""
+    line = ink()
+    axes.plot([0.2, 5.5], [3.9, 3.9], color=METHODS["exact"].colour, linestyle=":", linewidth=1)
+    axes.text(0.2, 3.97, "flight line", fontsize=8, va="bottom")
+    body = np.array([(2.3, 3.8), (3.6, 3.8), (3.9, 3.9), (3.6, 4.0), (2.55, 4.0), (2.3, 4.3), (2.2, 4.3), (2.3, 3.8)])
+    axes.fill(*body.T, facecolor=paper(), edgecolor=line, linewidth=1.2, zorder=3)
+    axes.fill(*np.array([(2.8, 3.9), (3.2, 3.9), (2.75, 3.5)]).T, facecolor=paper(), edgecolor=line, zorder=4)
+    axes.annotate("", (3.1, 5.1), (3.1, 4.05), arrowprops={"arrowstyle": "->", "color": force, "linewidth": 1.6})
+    axes.text(3.1, 5.15, "specific force", ha="center", va="bottom", fontsize=8, color=force)
+    for x in (0.75, 1.55):
+        axes.add_patch(plt.Rectangle((x, 5.8), 0.45, 0.28, facecolor=paper(), edgecolor=height, linewidth=1.1))
+    axes.add_patch(plt.Rectangle((1.2, 5.74), 0.35, 0.4, facecolor=paper(), edgecolor=height, linewidth=1.1))
+    axes.text(2.1, 5.95, "GNSS", fontsize=8, color=height, va="center")
+    for x, y in ((2.6, 4.1), (0.72, 1.95)):
+        axes.plot([1.38, x], [5.7, y], color=height, linestyle=(0, (1, 2)), linewidth=1)
+    x = np.linspace(0.1, 5.6, 120)
+    ground = 1.55 + 0.12 * np.sin(1.7 * x) + 0.05 * np.sin(4.0 * x)
+    axes.plot(x, ground, color=line, linewidth=1.2)
+    axes.plot(x, np.full_like(x, 0.95), color=METHODS["exact"].colour, linestyle="--", linewidth=1)
+    axes.text(5.6, 0.86, "ellipsoid, normal gravity $g_0$", ha="right", va="top", fontsize=8)
+    axes.plot([0.58, 0.72, 0.86], [1.62, 1.95, 1.62], color=height, linewidth=1.2)
+    axes.text(0.95, 1.9, "base station", fontsize=8, color=height, va="center")
+    axes.add_patch(Ellipse((3.6, 1.22), 1.3, 0.34, facecolor=METHODS["fb"].colour, alpha=0.35, linewidth=0))
+    axes.text(3.6, 1.22, "dense body", fontsize=7, ha="center", va="center")
+    axes.annotate("", (3.6, 1.75), (3.6, 3.0), arrowprops={"arrowstyle": "->", "color": METHODS["fb"].colour})
+    axes.text(3.7, 2.4, r"$\delta g$", fontsize=9, color=METHODS["fb"].colour, va="center")
+    axes.annotate("", (5.3, 0.97), (5.3, 3.88), arrowprops={"arrowstyle": "<->", "color": line, "linewidth": 0.8})
+    axes.text(5.22, 3.2, "$h$", fontsize=9, va="center", ha="right")
+
+
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
+    axes.annotate("", end, start, arrowprops={"arrowstyle": "->", "color": ink()})
 
 
 def system() -> Figure:

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from geokalman.airborne.figures.names import NAMES
 from geokalman.airborne.model import Array
 from geokalman.style import METHODS, ink
 
@@ -81,8 +82,8 @@ def steady(t: Array, forward: Array, smoother: Array, printed: tuple[float, floa
     ends.
     """
     figure, axes = plt.subplots(figsize=(7.2, 3.2))
-    axes.plot(t, forward, label="forward filter", **_line("forward"))
-    axes.plot(t, smoother, label="smoother", **_line("fb"))
+    axes.plot(t, forward, label=NAMES["forward"], **_line("forward"))
+    axes.plot(t, smoother, label=NAMES["fb"], **_line("fb"))
     for value in printed or ():
         axes.axhline(value, color=ink(), linewidth=0.7, linestyle=(0, (1, 3)))
     axes.set(xlabel="time [s]", ylabel="standard deviation [mGal]", ylim=(0, 2.2 * forward[len(forward) // 2]))
@@ -108,7 +109,7 @@ def table_one(means: Mapping[str, Array], printed: Mapping[str, float]) -> Figur
             fontsize=8,
             annotation_clip=False,
         )
-    axes.set(xlabel="run (seed)", ylabel="mean of six RMS [mGal]", ylim=(0, None))
+    axes.set(xlabel="simulated survey (seed)", ylabel="mean of six RMS [mGal]", ylim=(0, None))
     axes.set_xticks(np.arange(len(next(iter(means.values())))))
     axes.legend(loc="lower left")
     return figure
@@ -124,8 +125,8 @@ def starts(t: Array, errors: Mapping[str, Array], ratios: Mapping[str, Array]) -
         upper.semilogy(t, np.maximum(np.abs(values), 1e-13), label=name, linewidth=1, **looks[name])
     for name, values in ratios.items():
         lower.plot(t, values, label=name, linewidth=1, **looks[name])
-    upper.set_ylabel("|difference to RTS| [mGal]")
-    lower.set(xlabel="time [s]", ylabel="reported / RTS sigma", ylim=(0, 1.1))
+    upper.set_ylabel("|difference| [mGal]")
+    lower.set(xlabel="time [s]", ylabel="reported / right sigma", ylim=(0, 1.1))
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
@@ -180,13 +181,13 @@ def fir_scan(
     figure, axes = plt.subplots(1, len(scans), figsize=(7.2, 3.4), squeeze=False)
     looks = _looks()
     for axis, (title, values) in zip(axes[0], scans.items(), strict=True):
-        axis.plot(cutoffs, values, marker="o", color=METHODS["neutral"].colour, label="FIR")
+        axis.plot(cutoffs, values, marker="o", color=METHODS["neutral"].colour, label="FIR low-pass, ends repeated")
         if clean is not None:
-            axis.plot(cutoffs, clean[title], marker="s", linestyle="", color=ink(), label="FIR, clean ends")
+            axis.plot(cutoffs, clean[title], marker="s", linestyle="", color=ink(), label="FIR low-pass, clean ends")
         for k, (name, level) in enumerate(levels[title].items()):
             axis.axhline(level, label=name, **looks[k % len(looks)])
         axis.set(xlabel="cutoff of the FIR [s]", ylabel="sd against truth [mGal]", title=title, ylim=(0, None))
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
