@@ -96,8 +96,8 @@ def _build(root: Path, workers: int, html: bool, display: Display) -> Outcome:
 def key(root: Path, name: str, shared: str | None = None) -> str:
     """Give the SHA-256 (hex) over all that a run of the notebook comes from.
 
-    The notebook's code with its tags (the default parameters among it; its prose is staged anew), the modules that it imports with all they import, the
-    machinery that executes it, the claims it judges, the readings that it runs, the vendored data and the locked
+    The notebook's code with its tags (its prose is staged anew), the modules that it imports with all they import,
+    the machinery that executes it, the claims it judges, the readings that it runs, the vendored data and the locked
     environment.
     """
     notebook = notebooks.read(root, name)
