@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from geokalman import style
-from geokalman.attitude import figures, gravity_figures
+from geokalman.attitude import figures, gravity_figures, schematic_figures
+from geokalman.attitude.estimate import FILTERS
 from geokalman.attitude.model import AXES
 from geokalman.attitude.pointing import asd
 
@@ -39,7 +40,7 @@ def test_series_and_spectra():
         np.testing.assert_allclose(axes[i, 1].lines[0].get_data()[1], 1e6 * density[:, i])
         assert np.isfinite(axes[i, 1].lines[1].get_data()[1]).all()
     assert axes[2, 0].get_xlabel() == "time [h]" and axes[2, 1].get_xlabel() == "frequency [Hz]"
-    assert labels(figure) == ["MEKF", "JPL-like stand-in"]
+    assert labels(figure) == ["multiplicative filter", "official product (stand-in)"]
     renamed = figures.series_and_spectra(
         t, {"mekf": series["mekf"][:, :1]}, 1.0, "nm/s", 1e9, ("rate",), labels={"mekf": "the rate"}
     )
@@ -125,3 +126,25 @@ def test_gravity_figures():
     bars = [a for a in figure.axes if a.get_xlabel()]
     assert [a.get_xlabel() for a in bars] == ["equivalent water height [mm]", "equivalent water height [µm]"]
     assert figure.axes[0].images[0].get_clim() == pytest.approx((-1.0, 1.0), rel=0.02)
+
+
+def test_the_schematic_names_sensors_axes_and_pages():
+    figure = schematic_figures.chain()
+    figure.canvas.draw()
+    words = " ".join(text.get_text() for axes in figure.axes for text in axes.texts)
+    for word in ("line of sight", "pitch θ", "camera 1", "antenna", "four gyros", "Kalman filter", "predict", "update"):
+        assert word in words
+    assert {f"page {k}" for k in (1, 3, 5, 7, 8, 9)} <= {
+        line for t in figure.axes[1].texts for line in t.get_text().split("\n")
+    }
+    spans = [text.get_window_extent() for text in figure.axes[1].texts]
+    assert all(a is b or not a.overlaps(b) for a in spans for b in spans)
+
+
+def test_every_filter_has_one_name_for_readers():
+    assert set(FILTERS) <= set(figures.NAMES) and len(set(figures.NAMES.values())) == len(figures.NAMES)
+    figure = figures.bars({name: [1, 2, 3] for name in FILTERS}, {}, "error [µrad]")
+    figure.canvas.draw()
+    assert labels(figure) == [figures.NAMES[name] for name in FILTERS]
+    edge = figure.legends[0].get_window_extent()
+    assert edge.x0 >= 0 and edge.x1 <= figure.bbox.x1

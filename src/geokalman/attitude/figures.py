@@ -13,11 +13,40 @@ from geokalman.attitude.pointing import asd
 from geokalman.style import METHODS, MethodStyle, ink
 
 MOST_POINTS = 4000
+ROW = 100.0
+"""Widths of characters that a row of a legend holds."""
+
+NAMES: dict[str, str] = {
+    "akf7": "additive filter",
+    "akf7_iso": "additive filter, isotropic R",
+    "mekf": "multiplicative filter",
+    "rts": "smoother",
+    "jpl_like": "official product (stand-in)",
+    "imu": "gyros",
+    "sca1": "camera 1",
+    "sca2": "camera 2",
+    "sca3": "camera 3",
+    "sca12": "cameras 1 and 2",
+    "sca13": "cameras 1 and 3",
+    "sca23": "cameras 2 and 3",
+    "sca123": "all three cameras",
+}
+"""What readers call a filter or a choice of cameras, in tables, legends and captions alike."""
 
 
 def _look(name: str) -> MethodStyle:
-    """How a filter or a camera is drawn; the smoother of this part is that of the multiplicative filter."""
-    return METHODS["mekf_rts" if name == "rts" else name]
+    """How a filter or a camera is drawn and called; the smoother here is that of the multiplicative filter."""
+    look = METHODS["mekf_rts" if name == "rts" else name]
+    return look._replace(label=NAMES.get(name, look.label))
+
+
+def _columns(labels: Sequence[str]) -> int:
+    """Columns of a legend above a figure, as many as its width holds."""
+    for n in range(min(len(labels), 4), 1, -1):
+        columns = np.array_split([len(label) + 9 for label in labels], n)
+        if sum(column.max() for column in columns) <= ROW:
+            return n
+    return 1
 
 
 def _thin(n: int) -> int:
@@ -57,9 +86,7 @@ def series_and_spectra(
     axes[-1, 0].set_xlabel("time [h]")
     axes[-1, 1].set_xlabel("frequency [Hz]")
     handles, shown_labels = axes[0, 1].get_legend_handles_labels()
-    legend = figure.legend(
-        handles, shown_labels, loc="outside upper center", ncols=2 if max(map(len, shown_labels)) > 24 else 4
-    )
+    legend = figure.legend(handles, shown_labels, loc="outside upper center", ncols=_columns(shown_labels))
     for line in legend.get_lines():
         line.set_linewidth(2)
     return figure
@@ -102,9 +129,8 @@ def bars(
     axes.set_axisbelow(True)
     axes.set_xticks(range(len(names)), names)
     axes.set_ylabel(ylabel)
-    figure.legend(
-        [handles[k] for k in order], [labels[k] for k in order], loc="outside upper center", ncols=len(labels)
-    )
+    labels = [labels[k] for k in order]
+    figure.legend([handles[k] for k in order], labels, loc="outside upper center", ncols=_columns(labels))
     return figure
 
 
@@ -127,7 +153,7 @@ def closeness_and_accuracy(points: Mapping[str, Sequence[tuple[str, float, float
         axis.set(xlabel=words, title=preset, xlim=(0, 1.1e7 * widest))
     axes[0, 0].set_ylabel("attitude error, rms [µrad]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    figure.legend(handles, labels, loc="outside upper center", ncols=_columns(labels))
     return figure
 
 
@@ -152,9 +178,8 @@ def consistency(
     axes[1].set_xlabel("time [h]")
     handles, labels = axes[0].get_legend_handles_labels()
     extra = [pair for pair in zip(*axes[1].get_legend_handles_labels(), strict=True) if pair[1] not in labels]
-    figure.legend(
-        handles + [h for h, _ in extra], labels + [text for _, text in extra], loc="outside upper center", ncols=4
-    )
+    labels += [text for _, text in extra]
+    figure.legend(handles + [h for h, _ in extra], labels, loc="outside upper center", ncols=_columns(labels))
     return figure
 
 
@@ -165,7 +190,10 @@ def weights(ks: Sequence[float], errors: Array, true_k: float) -> Figure:
         axes.loglog(ks, 1e6 * errors[:, i], color=METHODS[method].colour, marker=METHODS[method].marker, label=word)
     axes.axvline(true_k, color=ink(), linestyle=":", linewidth=0.9)
     axes.annotate("simulated", (true_k, 1e6 * errors.max()), textcoords="offset points", xytext=(4, -8), fontsize=9)
-    axes.set(xlabel="assumed ratio k of the noise about and across the boresight", ylabel="error of SCA123, rms [µrad]")
+    axes.set(
+        xlabel="assumed ratio k of the noise about the boresight to that across it",
+        ylabel="rms error of all three [µrad]",
+    )
     axes.set_xticks(list(ks), [f"{k:g}" for k in ks])
     axes.minorticks_off()
     axes.set_yticks([15, 20, 30, 50, 80], ["15", "20", "30", "50", "80"])
