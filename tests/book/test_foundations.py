@@ -46,4 +46,4 @@ def test_a_chapter_has_what_a_chapter_needs(name):
     assert len(asked) >= EXERCISES
     assert sorted(asked) == sorted(re.findall(r"^`+\{solution-start\} (\S+)$", text, re.M))
     assert "Predict, then run" in text and "## Summary" in text and "## The same on GRACE" in text
-    assert "**Public functions used here:**" in text
+    assert "## Public functions used here" in text
