@@ -43,6 +43,17 @@ def test_errors(theme):
     assert figure.axes[1].get_xlabel() == "time [min]"
 
 
+def test_cloud(theme):
+    figure = figures.cloud(T, np.array([WAVE, 2 * WAVE]), SIGMA, "separation [m]")
+    assert_dressed(figure, theme)
+    [axes] = figure.axes
+    first, second, low, high = axes.get_lines()
+    np.testing.assert_allclose(second.get_ydata(), 2 * first.get_ydata())
+    np.testing.assert_allclose(high.get_ydata(), 2 * SIGMA)
+    np.testing.assert_allclose(low.get_ydata(), -2 * SIGMA)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [min]", "separation [m]")
+
+
 def test_curves(theme):
     figure = figures.curves(T + 1, {"A": SIGMA, "B": 2 * SIGMA}, "step [s]", "sigma [m]", log="xy", level=1.0)
     assert_dressed(figure, theme)

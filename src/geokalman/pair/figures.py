@@ -74,6 +74,18 @@ def errors(
     return figure
 
 
+def cloud(t: Array, series: Array, sigma: Array, ylabel: str) -> Figure:
+    """Many realisations (k, n) against time [s] (n,), over plus and minus two of their predicted sigma (n,)."""
+    figure, axes = plt.subplots(figsize=(7.2, 3.6))
+    look = METHODS["ekf"]
+    axes.plot(t / 60, series.T, color=look.colour, linewidth=0.5, alpha=0.5)
+    for sign in (-2.0, 2.0):
+        axes.plot(t / 60, sign * sigma, color=ink(), linewidth=1.6, label="two sigma, predicted" if sign > 0 else None)
+    axes.set(xlabel="time [min]", ylabel=ylabel)
+    axes.legend()
+    return figure
+
+
 def curves(
     x: Array, series: Mapping[str, Array], xlabel: str, ylabel: str, log: str = "", level: float | None = None
 ) -> Figure:
