@@ -63,26 +63,30 @@ def axe() -> str:
     return files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 
 
-# Each look at half of the pages is a group of its own, so that workers share them (`--dist loadgroup`).
+# Each look at half of the pages is a group of its own, so that workers share them (`--dist loadgroup`). axe takes most
+# of the time: two looks show it both themes and both widths.
 LOOKS = [
-    pytest.param((theme, viewport, half), id=f"{theme}-{viewport['width']}-{half}",
+    pytest.param((theme, viewport, half, audited), id=f"{theme}-{viewport['width']}-{half}",
                  marks=pytest.mark.xdist_group(f"{theme}-{viewport['width']}-{half}"))
-    for theme, viewport in (("light", WIDE), ("dark", WIDE), ("light", PHONE))
+    for theme, viewport, audited in (("dark", WIDE, True), ("light", PHONE, True), ("light", WIDE, False))
     for half in (0, 1)
 ]  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=LOOKS)
 def visits(request, browser, axe: str, book: Path) -> list[Visit]:
-    theme, viewport, half = request.param
+    theme, viewport, half, audited = request.param
     context = browser.new_context(color_scheme=theme, viewport=viewport)
     page = context.new_page()
-    found = [_visit(page, book / name, Visit(name, theme, viewport["width"]), axe) for name in pages(book)[half::2]]
+    found = [
+        _visit(page, book / name, Visit(name, theme, viewport["width"]), axe if audited else None)
+        for name in pages(book)[half::2]
+    ]
     context.close()
     return found
 
 
-def _visit(page, path: Path, visit: Visit, axe: str) -> Visit:
+def _visit(page, path: Path, visit: Visit, axe: str | None) -> Visit:
     heard: dict[str, Callable] = {
         "request": lambda request: visit.requests.append(request.url),
         "requestfailed": lambda request: visit.missing.append(request.url),
@@ -97,16 +101,21 @@ def _visit(page, path: Path, visit: Visit, axe: str) -> Visit:
     visit.seen = page.evaluate(_LOOK)
     page.add_style_tag(content="* { animation: none !important; transition: none !important; }")
     page.evaluate("() => document.querySelectorAll('details').forEach(d => d.open = true)")
-    page.evaluate(axe)
-    options = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'], preload: false}"
-    found = page.evaluate(f"() => axe.run(document, {options})")
-    visit.violations = [f"{v['id']}: {n['target']} {n['html'][:120]}" for v in found["violations"] for n in v["nodes"]]
+    if axe:
+        visit.violations = _audit(page, axe)
     visit.seen["wide open"] = page.evaluate(
         "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     )
     for event, note in heard.items():
         page.remove_listener(event, note)
     return visit
+
+
+def _audit(page, axe: str) -> list[str]:
+    page.evaluate(axe)
+    options = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa'], resultTypes: ['violations'], preload: false}"
+    found = page.evaluate(f"() => axe.run(document, {options})")
+    return [f"{v['id']}: {n['target']} {n['html'][:120]}" for v in found["violations"] for n in v["nodes"]]
 
 
 def apart(visit: Visit) -> list[str]:
@@ -133,6 +142,12 @@ def test_every_page_of_the_contents_is_there(book: Path) -> None:
     assert "index.html" in wanted and wanted | {"search.html"} <= set(pages(book))
     text = "".join((book / name).read_text(encoding="utf-8") for name in pages(book))
     assert 'class="math' in text and "twin-light" in text  # there is something to look at
+
+
+def test_axe_sees_both_themes_and_both_widths() -> None:
+    audited = [look.values[0][:2] for look in LOOKS if look.values[0][3]]
+    for seen in ("light", "dark"), (WIDE["width"], PHONE["width"]):
+        assert set(seen) <= {value for theme, viewport in audited for value in (theme, viewport["width"])}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
