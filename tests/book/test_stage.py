@@ -124,6 +124,13 @@ def test_an_author_may_show_a_cell(toy_root: Path) -> None:
     assert [cell.source for cell in shown] == ["nb.figure('wave', draw)"]
 
 
+def test_an_author_may_hide_a_cell_that_is_folded_anyway(toy_root: Path) -> None:
+    rerecord(toy_root, lambda notebook: notebook.cells[4].metadata.update(tags=["hide-input"]))
+    assert all(
+        cell.metadata.tags.count("hide-input") == 1 for cell in staged(toy_root).cells if cell.cell_type == "code"
+    )
+
+
 def test_the_foot_reruns_and_offers(toy_root: Path) -> None:
     prose = text(toy_root, "markdown")
     assert "geokalman run toy/01-wave frequency=1\n" in prose

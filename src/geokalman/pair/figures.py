@@ -100,6 +100,11 @@ def curves(
         axes.set_xscale("log")
     if "y" in log:
         axes.set_yscale("log")
+        low, high = axes.get_ylim()
+        if high < 100 * low:  # too few powers of ten to read from
+            ticks = [m * 10.0**k for k in range(-30, 30) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+            axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+            axes.minorticks_off()
     axes.legend()
     return figure
 
