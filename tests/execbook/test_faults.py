@@ -5,6 +5,7 @@ The page `practice/faults` lists every fault with its test.
 
 from __future__ import annotations
 
+import os
 import re
 import resource
 import shutil
@@ -26,15 +27,19 @@ def clone(root: Path, page: str) -> Path:
         shutil.copytree(PROJECT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
     for folder in (book / paper, book / "practice"):
         folder.mkdir()
-    for name in ("_config.yml", "execbook.toml", "references.bib", "rules.yml", f"{page}.md", f"{paper}/claims.yml"):
+    glossary = "practice/glossary"
+    copied = "_config.yml", "execbook.toml", "references.bib", "rules.yml", f"{paper}/claims.yml"
+    for name in (*copied, f"{page}.md", f"{glossary}.md"):
         shutil.copyfile(PROJECT / "book" / name, book / name)
     shutil.copyfile(PROJECT / "environment.txt", root / "environment.txt")
     (book / "index.md").write_text("# A part of the book\n")
-    (book / "practice" / "rerun.md").write_text("# Rerun\n\n```{bibliography}\n```\n")
-    linked = sorted(set(re.findall(r"\{doc\}`(?:[^`<]*<)?([\w-]+)>?`", (book / f"{page}.md").read_text())))
+    (book / "practice" / "rerun.md").write_text("(verdicts)=\n# Rerun\n\n```{bibliography}\n```\n")
+    links = re.findall(r"\{doc\}`(?:[^`<]*<)?([\w./-]+)>?`", (book / f"{page}.md").read_text())
+    linked = sorted({os.path.normpath(f"{paper}/{link}") for link in links} - {page, glossary})
     for name in linked:
-        (book / paper / f"{name}.md").write_text(f"# Stands for {name}\n")
-    files = "".join(f"- file: {name}\n" for name in [page, *(f"{paper}/{name}" for name in linked), "practice/rerun"])
+        (book / name).parent.mkdir(exist_ok=True)
+        (book / f"{name}.md").write_text(f"# Stands for {name}\n")
+    files = "".join(f"- file: {name}\n" for name in (page, *linked, glossary, "practice/rerun"))
     (book / "_toc.yml").write_text(f"format: jb-book\nroot: index\nchapters:\n{files}")
     return root
 
