@@ -24,7 +24,7 @@ AVOID = {
     r"(?:note|notice) that": "the statement itself",
     r"it (?:is worth noting|should be (?:noted|mentioned)) that": "the statement itself",
     r"simply|obviously|of course|clearly,|needless to say|actually|basically": "nothing",
-    r"behavior|center(?:s|ed|ing)?|(?:number|\d) meters?|kilometers?|neighbor\w*|colors?|model(?:ed|ing)|label(?:ed|ing)": "British spelling",
+    r"behavior|center(?:s|ed|ing)?|(?:Number|\d) meters?|kilometers?|neighbor\w*|colors?|model(?:ed|ing)|label(?:ed|ing)": "British spelling",
     r"(?:line|anal|organ|normal|initial|optim|minim|maxim|recogn|summar)(?:i?z)(?:e[sd]?|ing|ation)": "British spelling",
     r"tells? (?:its|the) story|speaks? for itself|at the end of the day|by and large|last but not least": "a plain statement",
     r"bites?|strangers?": "a plain word",
@@ -51,12 +51,12 @@ class Sentence(NamedTuple):
 def plain(text: str) -> str:
     """Replace formulas, code, roles, links and recorded numbers by words."""
     text = _ROLE.sub(
-        lambda role: re.sub(r"\s*<[^>]*>$", "", role[3]) if role[1] in {"term", "doc", "ref"} else "ref", text
+        lambda role: re.sub(r"\s*<[^>]*>$", "", role[3]) if role[1] in {"term", "doc", "ref"} else "Ref", text
     )
-    text = re.sub(r"\[\[[^\]]*\]\]", "number", text)
-    text = re.sub(r"\$\$.+?\$\$|\$.+?\$", "formula", text, flags=re.DOTALL)
-    text = re.sub(r"`+[^`]+`+", "code", text)
-    text = re.sub(r"<https?://[^>]*>|https?://\S+", "link", text)
+    text = re.sub(r"\[\[[^\]]*\]\]", "Number", text)
+    text = re.sub(r"\$\$.+?\$\$|\$.+?\$", "Formula", text, flags=re.DOTALL)
+    text = re.sub(r"`+[^`]+`+", "Code", text)
+    text = re.sub(r"<https?://[^>]*>|https?://\S+", "Link", text)
     text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
     return re.sub(r"<!--.*?-->|<[^>]+>|\*+|\{[^}]*\}", "", text, flags=re.DOTALL)
 
