@@ -226,3 +226,98 @@ def test_a_dead_link_is_seen(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     assert links(tmp_path) == (["page.html: a%20b.csv"], ["page.html: gone.html"])
+
+
+_EXPLORED = "figure:has(img.explore)"
+_INK = """(canvas) => {
+  const {width, height} = canvas;
+  const pixels = canvas.getContext('2d').getImageData(0, 0, width, height).data;
+  const count = {};
+  for (let k = 0; k < pixels.length; k += 4)
+    if (pixels[k + 3] === 255) count[pixels.slice(k, k + 3)] = (count[pixels.slice(k, k + 3)] ?? 0) + 1;
+  return Object.keys(count).filter((colour) => count[colour] > 20);
+}"""
+
+
+def explored(book: Path) -> Path:
+    """The first page with a figure to explore."""
+    return next(
+        book / name for name in pages(book) if "twin-light explore" in (book / name).read_text(encoding="utf-8")
+    )
+
+
+@pytest.mark.parametrize("viewport", [WIDE, PHONE], ids=["wide", "phone"])
+def test_a_figure_is_explored_from_the_disk(browser, axe: str, book: Path, viewport: dict) -> None:
+    context = browser.new_context(color_scheme="light", viewport=viewport)
+    page = context.new_page()
+    asked: list[str] = []
+    errors: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("requestfailed", lambda request: errors.append(request.url))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(explored(book).as_uri())
+    figure = page.locator(_EXPLORED).first
+    assert not any("uPlot" in url for url in asked)  # only who asks for it loads it
+    figure.locator("button.explore-start").focus()
+    page.keyboard.press("Enter")
+    plot = figure.locator(".uplot").first
+    plot.wait_for()
+    assert any("uPlot" in url for url in asked) and all(url.startswith(("file:", "data:")) for url in asked)
+    assert not figure.locator("img.twin-light").is_visible()
+    alt = figure.locator("img.twin-light").get_attribute("alt")
+    assert figure.locator(".explore-box").get_attribute("aria-label") == alt
+    page.evaluate(axe)
+    found = page.evaluate("() => axe.run('.explore-box', {resultTypes: ['violations'], preload: false})")
+    assert not found["violations"]
+    canvas = plot.locator("canvas")
+    look = "(canvas) => new Promise(requestAnimationFrame).then(() => canvas.toDataURL())"
+    drawn = canvas.evaluate(look)
+    assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+
+    label = figure.locator(".explore-readout").first
+    before = label.text_content()
+    figure.locator("input[type=range]").focus()
+    page.keyboard.press("ArrowRight")
+    assert label.text_content() != before  # the slider reads the curves out
+
+    figure.locator("input[type=checkbox]").first.uncheck()
+    without = canvas.evaluate(look)
+    assert without != drawn
+    figure.locator("input[type=checkbox]").first.check()
+
+    over = plot.locator(".u-over").bounding_box()
+    page.mouse.move(over["x"] + 0.3 * over["width"], over["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(over["x"] + 0.6 * over["width"], over["y"] + 22, steps=4)
+    page.mouse.up()
+    zoomed = canvas.evaluate(look)
+    assert zoomed not in (drawn, without)
+    page.mouse.dblclick(over["x"] + 0.5 * over["width"], over["y"] + 20)
+    assert canvas.evaluate(look) == drawn
+    figure.get_by_role("button", name="Zoom in").click()
+    assert canvas.evaluate(look) not in (drawn, zoomed)
+    figure.get_by_role("button", name="Show the whole").click()
+    assert canvas.evaluate(look) == drawn
+
+    colours = page.evaluate("Object.values(window.exploreData)[0].look.grid")
+    grids = [",".join(str(int(colour[k : k + 2], 16)) for k in (1, 3, 5)) for colour in colours]
+    assert grids[0] in canvas.evaluate(_INK)
+    page.evaluate("document.documentElement.dataset.theme = 'dark'")
+    canvas.evaluate(look)
+    dark = canvas.evaluate(_INK)
+    assert grids[1] in dark and grids[0] not in dark  # in the colours of the other theme
+
+    figure.get_by_role("button", name="Back to the picture").click()
+    assert figure.locator("img.twin-dark").is_visible() and not plot.is_visible()
+    figure.locator("button.explore-start").click()
+    assert plot.is_visible() and not errors
+    context.close()
+
+
+def test_without_scripts_the_picture_stays(browser, book: Path) -> None:
+    context = browser.new_context(java_script_enabled=False, viewport=WIDE)
+    page = context.new_page()
+    page.goto(explored(book).as_uri())
+    assert page.locator(_EXPLORED).first.locator("img.twin-light").is_visible()
+    assert page.locator("button.explore-start").count() == 0
+    context.close()
