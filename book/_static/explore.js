@@ -18,6 +18,8 @@
     node.append(...children);
     return node;
   };
+  const button = (label, title, act) =>
+    make("button", { type: "button", textContent: label, title, ariaLabel: title, onclick: act });
   const theme = () => (document.documentElement.dataset.theme === "dark" ? 1 : 0);
   const raised = (n) => String(+n).replace(/[-\d]/g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
   const text = (value, digits = 4) => {
@@ -157,7 +159,6 @@
       return new Panel(panel, look, `${name} ${panel.xlabel} ${ends[0]}`, small);
     });
     const each = (act) => drawn.forEach(act);
-    const button = (label, title, act) => make("button", { type: "button", textContent: label, title, ariaLabel: title, onclick: act });
     const labels = new Map(panels.flatMap((p) => p.curves.filter((c) => c.curve && c.label).map((c) => [c.label, c.colour])));
     const swatches = [];
     const legend = [...labels].map(([label, colour]) => {
@@ -217,8 +218,16 @@
     start.onclick = async () => {
       if (!made) {
         const source = image.src.replace(/\.png$/, ".js");
-        await Promise.all([load(`${here}uplot/uPlot.iife.min.js`), load(`${here}uplot/uPlot.min.css`), load(source)]);
-        made = build(window.exploreData[name], name, image.alt, () => swap(false));
+        await load(source);
+        const given = window.exploreData[name];
+        const back = () => swap(false);
+        if (given.script) {
+          await load(here + given.script); // a script of its own, which draws without a library
+          made = window.exploreScripts[given.script].build(given, image.alt, back, { make, text, theme, button });
+        } else {
+          await Promise.all([load(`${here}uplot/uPlot.iife.min.js`), load(`${here}uplot/uPlot.min.css`)]);
+          made = build(given, name, image.alt, back);
+        }
         twins.after(made.node);
       }
       swap(true);

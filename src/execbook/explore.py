@@ -7,7 +7,7 @@ A page on the disk may load a script but not read a file, so the data assign the
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,16 +41,28 @@ def read(figure: Figure) -> dict[str, Any]:
     return {"panels": panels, "look": {name: to_hex(colour) for name, colour in look.items()}}
 
 
-def script(name: str, light: dict[str, Any], dark: dict[str, Any]) -> str:
-    """Write what `read` gave in both themes as a script; what differs, the colours, stands twice."""
-    return f"(window.exploreData ??= {{}})[{json.dumps(name)}] = {json.dumps(_pairs(light, dark), ensure_ascii=False)};"
+def script(name: str, data: Mapping[str, Any]) -> str:
+    """Write the data of a figure as a script; arrays become lists, and what is not a number there null."""
+    text = json.dumps(_listed(dict(data)), ensure_ascii=False, allow_nan=False)
+    return f"(window.exploreData ??= {{}})[{json.dumps(name)}] = {text};"
 
 
-def _pairs(light: Any, dark: Any) -> Any:
+def _listed(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _listed(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_listed(item) for item in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _listed(value.tolist())
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def both(light: Any, dark: Any) -> Any:
+    """Give what `read` gave in both themes as one; what differs, the colours, stands twice."""
     if isinstance(light, dict):
-        return {key: _pairs(value, dark[key]) for key, value in light.items()}
+        return {key: both(value, dark[key]) for key, value in light.items()}
     if isinstance(light, list):
-        return [_pairs(*both) for both in zip(light, dark, strict=True)]
+        return [both(*pair) for pair in zip(light, dark, strict=True)]
     return [light, dark] if isinstance(light, str) and light.startswith("#") else light
 
 

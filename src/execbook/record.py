@@ -140,7 +140,8 @@ class Notebook:
 
     def figure(
         self, name: str, draw: Callable[..., Any], *args: Any, caption: str, alt: str,
-        data: Mapping[str, ArrayLike] | None = None, data_every: int = 1, interactive: bool = False, **kwargs: Any,
+        data: Mapping[str, ArrayLike] | None = None, data_every: int = 1, interactive: bool | Mapping[str, Any] = False,
+        **kwargs: Any,
     ) -> None:  # fmt: skip
         """Draw a figure light and dark, keep both images and its data as CSV, and display it.
 
@@ -149,10 +150,11 @@ class Notebook:
         caption     one or two sentences below it;  alt: what it shows, for who cannot see it
         data        column name (with unit, `range_rate_m_s`) -> 1-D column; all of one length
         data_every  keep every so many rows of the columns; stated in the record
-        interactive  keep the curves for the browser too: a button below the figure opens them as a plot to zoom into
+        interactive  keep the curves for the browser too, where a button below the figure opens them as a plot to zoom
+                     into; or the data of a script of its own in `book/_static`, which the key `script` names
         """
         self._claim_shown("figure", name, caption=caption, alt=alt)
-        drawn = [self._draw(name, theme, draw, args, kwargs, interactive) for theme in ("light", "dark")]
+        drawn = [self._draw(name, theme, draw, args, kwargs, interactive is True) for theme in ("light", "dark")]
         images, width, seen = zip(*drawn, strict=True)
         paths = {theme: f"figures/{name}.{theme}.png" for theme in ("light", "dark")}
         for path, image in zip(paths.values(), images, strict=True):
@@ -164,7 +166,8 @@ class Notebook:
             record["data_every"] = data_every
         if interactive:
             paths["js"] = f"figures/{name}.js"
-            self._write(paths["js"], explore.script(name, *seen).encode())
+            given = interactive if isinstance(interactive, Mapping) else explore.both(*seen)
+            self._write(paths["js"], explore.script(name, given).encode())
         self._shown[name] = "figures"
         display.show(display.figure_bundle(record, images[0]))
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from execbook import Notebook, display
+from execbook import Notebook, display, runfolder
 from execbook.errors import Fault, Misuse
 
 DEFAULTS = {"slope": 2.0, "n": 50, "table": ""}
@@ -248,6 +248,19 @@ def test_an_interactive_figure_keeps_its_curves_in_both_themes(book, capsys, mon
     assert [(level["axis"], level["at"]) for level in upper["levels"]] == [("y", 3.0), ("x", 4.0)]
     assert lower["tables"] == [[[1, 2, 3], [0.1, None, 1]]] and lower["log"] == [False, True]  # no logarithm below zero
     assert lower["curves"][0]["dash"] is None
+    runfolder.refuse_foreign(toy / "out")  # a new run may replace it
+
+
+def test_a_script_of_its_own_is_given_its_data(book, toy):
+    data = {"script": "own.js", "x": np.array([[1.0, np.nan]]), "deep": {"n": np.int64(3), "pair": (0.1, None)}}
+    book.figure("own", draw, [1, 2], caption="x", alt="x", interactive=data)
+    book.finish()
+    text = (toy / "out" / "figures" / "own.js").read_text()
+    assert json.loads(text.partition(" = ")[2][:-1]) == {
+        "script": "own.js",
+        "x": [[1.0, None]],
+        "deep": {"n": 3, "pair": [0.1, None]},
+    }
 
 
 @pytest.mark.parametrize("curve, sentence", [([], "no curves to explore"), ([[0, 2, 1], [0, 0, 0]], "back and forth")])

@@ -138,7 +138,7 @@ def run(folder: Path) -> None:
             seen.append(explore.read(figure))
             figure.savefig(folder / "figures" / f"wave.{theme}.png")
             style.close(figure)
-    (folder / "figures" / "wave.js").write_text(explore.script("wave", *seen), encoding="utf-8")
+    (folder / "figures" / "wave.js").write_text(explore.script("wave", explore.both(*seen)), encoding="utf-8")
     np.savetxt(folder / "figures" / "wave.csv", np.column_stack([x, np.sin(x)]), delimiter=",", header="t_s,h_m")
     (folder / "tables" / "rms.csv").write_text("method,rms / m\nUKF,0.7\nEKF,0.8\n")
     (folder / "tables" / "verdicts-01-wave.csv").write_text("claim,verdict\na,calibrated\n")
