@@ -18,7 +18,7 @@ _MENDED = (  # what the theme leaves without a name or with a role of old
     ),
     ('role="doc-biblioentry"', 'role="listitem"'),
 )
-_UNWANTED = ("://", "thebe", "require.min.js")
+_UNWANTED = ("://", "thebe", "require.min.js", "uplot/", "playground.js")  # the last two on demand
 
 
 def copy_mathjax(app) -> None:

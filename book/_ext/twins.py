@@ -1,8 +1,10 @@
-"""Two small changes to the pages' trees: dark twins of figures, and badges for the words of the verdicts."""
+"""Small changes to the pages' trees: dark twins of figures, their data to explore, badges for the words of verdicts."""
 
 from __future__ import annotations
 
 import os
+import shutil
+from pathlib import Path
 
 from docutils import nodes
 from sphinx.transforms import SphinxTransform
@@ -34,10 +36,25 @@ class DarkTwin(SphinxTransform):
             twin = image.deepcopy()
             twin["uri"] = dark
             twin["ids"], twin["names"] = [], []
-            image["classes"] = [*image["classes"], "dark-light", "twin-light"]
+            explored = ["explore"] if _data(self.env.relfn2path(uri, self.env.docname)[1]).is_file() else []
+            image["classes"] = [*image["classes"], "dark-light", "twin-light", *explored]
             twin["classes"] = [*twin["classes"], "dark-light", "twin-dark"]
             parent, place = image.parent, image.parent.index(image)
             parent[place] = nodes.inline("", "", image, twin, classes=["twins"])
+
+
+def _data(image: str) -> Path:
+    """Give the path of the data to explore that belong to an image `x.light.png`."""
+    return Path(image.replace(".light.png", ".js"))
+
+
+def copy_data(app, exception) -> None:
+    """Put the data of each figure that can be explored beside its image, under the image's name."""
+    if exception or app.builder.format != "html":
+        return
+    for source, (_, name) in app.env.images.items():
+        if ".light.png" in source and (data := _data(os.path.join(app.srcdir, source))).is_file():
+            shutil.copyfile(data, Path(app.outdir, app.builder.imagedir, name).with_suffix(".js"))
 
 
 class VerdictBadge(SphinxTransform):
@@ -72,4 +89,5 @@ class VerdictBadge(SphinxTransform):
 def setup(app) -> dict:
     app.add_transform(DarkTwin)
     app.add_transform(VerdictBadge)
+    app.connect("build-finished", copy_data)
     return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}

@@ -19,7 +19,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from execbook import atomic, claims, display, multiverse, parameters, progress, project, provenance, runfolder, verdicts
+from execbook import (
+    atomic, claims, display, explore, multiverse, parameters, progress, project, provenance, runfolder, verdicts,
+)  # fmt: skip
 from execbook.errors import Fault
 from execbook.memo import Memo
 
@@ -138,7 +140,8 @@ class Notebook:
 
     def figure(
         self, name: str, draw: Callable[..., Any], *args: Any, caption: str, alt: str,
-        data: Mapping[str, ArrayLike] | None = None, data_every: int = 1, **kwargs: Any,
+        data: Mapping[str, ArrayLike] | None = None, data_every: int = 1, interactive: bool | Mapping[str, Any] = False,
+        **kwargs: Any,
     ) -> None:  # fmt: skip
         """Draw a figure light and dark, keep both images and its data as CSV, and display it.
 
@@ -147,9 +150,12 @@ class Notebook:
         caption     one or two sentences below it;  alt: what it shows, for who cannot see it
         data        column name (with unit, `range_rate_m_s`) -> 1-D column; all of one length
         data_every  keep every so many rows of the columns; stated in the record
+        interactive  keep the curves for the browser too, where a button below the figure opens them as a plot to zoom
+                     into; or the data of a script of its own in `book/_static`, which the key `script` names
         """
         self._claim_shown("figure", name, caption=caption, alt=alt)
-        images, width = zip(*(self._draw(name, theme, draw, args, kwargs) for theme in ("light", "dark")), strict=True)
+        drawn = [self._draw(name, theme, draw, args, kwargs, interactive is True) for theme in ("light", "dark")]
+        images, width, seen = zip(*drawn, strict=True)
         paths = {theme: f"figures/{name}.{theme}.png" for theme in ("light", "dark")}
         for path, image in zip(paths.values(), images, strict=True):
             self._write(path, image)
@@ -158,16 +164,23 @@ class Notebook:
             paths["csv"] = f"figures/{name}.csv"
             self._write(paths["csv"], _columns(name, data, data_every))
             record["data_every"] = data_every
+        if interactive:
+            paths["js"] = f"figures/{name}.js"
+            given = interactive if isinstance(interactive, Mapping) else explore.both(*seen)
+            self._write(paths["js"], explore.script(name, given).encode())
         self._shown[name] = "figures"
         display.show(display.figure_bundle(record, images[0]))
 
-    def _draw(self, name: str, theme: str, draw: Callable[..., Any], args: Any, kwargs: Any) -> tuple[bytes, int]:
+    def _draw(
+        self, name: str, theme: str, draw: Callable[..., Any], args: Any, kwargs: Any, interactive: bool
+    ) -> tuple[bytes, int, dict[str, Any]]:
         with project.theme(self._root, theme):
             figure = draw(*args, **kwargs)
             if not hasattr(figure, "savefig"):
                 given, kind = getattr(draw, "__name__", draw), type(figure).__name__
                 raise Fault(f"{given} gave {kind} for figure {name}; it must return a matplotlib Figure.")
-            return display.as_png(figure, DPI), round(float(figure.get_size_inches()[0]) * 100)
+            seen = explore.read(figure) if interactive else {}
+            return display.as_png(figure, DPI), round(float(figure.get_size_inches()[0]) * 100), seen
 
     def table(
         self, name: str, header: Sequence[str], rows: Iterable[Sequence[Any]], caption: str,

@@ -123,7 +123,7 @@ def _run_files(folder: Path) -> set[str]:
             f"{folder / _PROVENANCE} cannot be read, so what in that folder is of a run cannot be told; "
             "name another folder, or remove this one."
         ) from None
-    drawn = {f"figures/{name}.{kind}" for name in figures for kind in ("light.png", "dark.png", "csv")}
+    drawn = {f"figures/{name}.{kind}" for name in figures for kind in ("light.png", "dark.png", "csv", "js")}
     return _PARTS | drawn | {f"tables/{name}.csv" for name in tables}
 
 

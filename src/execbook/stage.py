@@ -196,7 +196,7 @@ def _directive(page: str, output: NotebookNode, run: Path, files: Path, offer: b
     record = data.get(FIGURE_TYPE) or data.get(TABLE_TYPE)
     if not record:
         return str(data["text/markdown"]) if "text/markdown" in data else None
-    paths = {kind: path for kind, path in record["files"].items() if offer or kind != "csv"}
+    paths = {kind: path for kind, path in record["files"].items() if offer or kind not in ("csv", "js")}
     for path in paths.values():
         if not (run / path).is_file():
             raise Fault(f"{run / path} is missing, though the notebook recorded it; the command build renews the run.")

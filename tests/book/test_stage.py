@@ -56,7 +56,7 @@ def test_a_figure_becomes_a_directive_with_its_twin_and_data(toy_root: Path) -> 
     assert ':alt: "A \\"sine\\": 100 % of #1 [five] periods"\n:width: 720px\n\nA wave of height $h$.\n' in prose
     assert "{download}`Data (CSV, one row in 2) <01-wave.files/wave.csv>`" in prose
     files = toy_root / "book/_build/site/toy/01-wave.files"
-    for name in ("wave.light.png", "wave.dark.png", "wave.csv"):
+    for name in ("wave.light.png", "wave.dark.png", "wave.csv", "wave.js"):
         assert (files / name).read_bytes() == (toy_root / RUN / "figures" / name).read_bytes()
 
 
@@ -277,7 +277,7 @@ def test_a_remote_resource_is_seen() -> None:
 def test_the_page_of_a_notebook_in_html(toy_root: Path) -> None:
     stage.stage(toy_root)
     page = (html.build(toy_root) / f"{toybook.PAGE}.html").read_text()
-    assert page.count('class="dark-light twin-light"') >= 1 and page.count('class="dark-light twin-dark"') >= 1
+    assert page.count('class="dark-light twin-light explore"') == page.count('class="dark-light twin-dark"') == 1
     assert page.count("<figcaption>") == page.count("</figcaption>") == 1
     assert '<span class="verdict verdict-reproduced">reproduced</span>' in page
     assert "Figure 1 " in page and "Table 2 " in page  # the first table is that of the paper's claims

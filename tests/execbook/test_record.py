@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from execbook import Notebook, display
+from execbook import Notebook, display, runfolder
 from execbook.errors import Fault, Misuse
 
 DEFAULTS = {"slope": 2.0, "n": 50, "table": ""}
@@ -213,6 +213,66 @@ def test_data_every_is_kept_in_the_record(book, capsys, monkeypatch, toy):
     assert bundle[display.FIGURE_TYPE]["data_every"] == 4
     book.finish()
     assert (toy / "out" / "figures" / "f.csv").read_text().split() == ["t", "0.0", "4.0", "8.0"]
+
+
+def test_an_interactive_figure_keeps_its_curves_in_both_themes(book, capsys, monkeypatch, toy):
+    t = np.arange(5000.0)
+
+    def two_panels():
+        figure, (upper, lower) = plt.subplots(2, 1, sharex=True)
+        upper.plot(t, t + 1, "--", color=plt.rcParams["text.color"], label="rising")
+        upper.fill_between(t[:4], t[:4] - 1, t[:4] + 1, color="#0072b2", alpha=0.5)
+        upper.axhline(3.0)
+        upper.axvline(4.0)
+        upper.set(ylabel="height [m]", title=r"of $\lambda_q$")
+        lower.semilogy([3.0, 2.0, 1.0], [1.0, -1.0, 0.1], "o", linestyle="none")
+        lower.set_xlabel("time [s]")
+        return figure
+
+    call = lambda: book.figure("two", two_panels, caption="x", alt="x", interactive=True)
+    assert shown(capsys, monkeypatch, call)[display.FIGURE_TYPE]["files"]["js"] == "figures/two.js"
+    book.finish()
+    text = (toy / "out" / "figures" / "two.js").read_text(encoding="utf-8")
+    head, _, body = text.partition(" = ")
+    assert head == '(window.exploreData ??= {})["two"]' and body.endswith(";")
+    data = json.loads(body[:-1])
+    upper, lower = data["panels"]
+    assert (
+        upper["title"] == "of λ_q" and upper["xlabel"] == lower["xlabel"] == "time [s]" and upper["log"] == [False] * 2
+    )
+    edge, _, curve = upper["curves"]
+    assert edge["label"] == "" and "curve" not in edge and curve["label"] == "rising" and curve["dash"] == [6, 4]
+    assert curve["colour"][0] != curve["colour"][1] and set(data["look"]) == {"ink", "paper", "grid"}
+    assert upper["tables"][0] == [[0, 1, 2, 3], [-1, 0, 1, 2], [1, 2, 3, 4]]
+    assert upper["thinned"] == 3 and upper["tables"][1][1] == [1 + v for v in range(0, 5000, 3)]
+    assert [(level["axis"], level["at"]) for level in upper["levels"]] == [("y", 3.0), ("x", 4.0)]
+    assert lower["tables"] == [[[1, 2, 3], [0.1, None, 1]]] and lower["log"] == [False, True]  # no logarithm below zero
+    assert lower["curves"][0]["dash"] is None
+    runfolder.refuse_foreign(toy / "out")  # a new run may replace it
+
+
+def test_a_script_of_its_own_is_given_its_data(book, toy):
+    data = {"script": "own.js", "x": np.array([[1.0, np.nan]]), "deep": {"n": np.int64(3), "pair": (0.1, None)}}
+    book.figure("own", draw, [1, 2], caption="x", alt="x", interactive=data)
+    book.finish()
+    text = (toy / "out" / "figures" / "own.js").read_text()
+    assert json.loads(text.partition(" = ")[2][:-1]) == {
+        "script": "own.js",
+        "x": [[1.0, None]],
+        "deep": {"n": 3, "pair": [0.1, None]},
+    }
+
+
+@pytest.mark.parametrize("curve, sentence", [([], "no curves to explore"), ([[0, 2, 1], [0, 0, 0]], "back and forth")])
+def test_what_cannot_be_explored(book, curve, sentence):
+    def draw_it():
+        figure, axes = plt.subplots()
+        if curve:
+            axes.plot(*curve)
+        return figure
+
+    with pytest.raises(Fault, match=sentence):
+        book.figure("f", draw_it, caption="x", alt="x", interactive=True)
 
 
 def test_table_bundle(book, capsys, monkeypatch, toy):

@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import nbformat
 import numpy as np
 
+from execbook import explore
 from execbook.display import FIGURE_TYPE, TABLE_TYPE
 from geokalman import style
 
@@ -124,13 +125,20 @@ def run(folder: Path) -> None:
     for name in ("figures", "tables"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     x = np.linspace(0.0, 10.0, 50)
+    seen = []
     for theme in ("light", "dark"):
         with style.theme(theme):
             figure, axes = plt.subplots()
-            axes.plot(x, np.sin(x), color=style.METHODS["ukf"].colour)
+            axes.fill_between(x, np.sin(x) - 0.1, np.sin(x) + 0.1, color=style.METHODS["ukf"].colour, alpha=0.25)
+            for name, shift in (("ukf", 0.0), ("ekf", 0.3)):
+                look = style.METHODS[name]
+                axes.plot(x, np.sin(x + shift), color=look.colour, linestyle=look.line, label=look.label)
+            axes.axhline(0.5, color=style.ink(), linestyle=":")
             axes.set(xlabel="time / s", ylabel="height / m")
+            seen.append(explore.read(figure))
             figure.savefig(folder / "figures" / f"wave.{theme}.png")
             style.close(figure)
+    (folder / "figures" / "wave.js").write_text(explore.script("wave", explore.both(*seen)), encoding="utf-8")
     np.savetxt(folder / "figures" / "wave.csv", np.column_stack([x, np.sin(x)]), delimiter=",", header="t_s,h_m")
     (folder / "tables" / "rms.csv").write_text("method,rms / m\nUKF,0.7\nEKF,0.8\n")
     (folder / "tables" / "verdicts-01-wave.csv").write_text("claim,verdict\na,calibrated\n")
@@ -147,7 +155,8 @@ def notebook() -> nbformat.NotebookNode:
     new = nbformat.v4
     figure = {
         "name": "wave", "caption": "A wave of height $h$.", "alt": 'A "sine": 100 % of #1 [five] periods', "width": 720,
-        "files": {"light": "figures/wave.light.png", "dark": "figures/wave.dark.png", "csv": "figures/wave.csv"},
+        "files": {"light": "figures/wave.light.png", "dark": "figures/wave.dark.png", "csv": "figures/wave.csv",
+                  "js": "figures/wave.js"},
         "data_every": 2,
     }  # fmt: skip
     table = {

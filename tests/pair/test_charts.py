@@ -75,3 +75,25 @@ def test_comparison(theme):
     assert len(right.get_lines()) == len(left.get_lines()) + 1
     assert [tick.get_text() for tick in left.get_yticklabels()] == names
     assert left.yaxis_inverted() and texts(figure.legends[0]) == list(worlds)
+
+
+def test_playground(theme):
+    t = 30.0 * np.arange(20)
+    wave = np.sin(t / 100)
+    seen = wave + 0.1
+    seen[3] = np.nan
+    cov = np.diag([4.0, 1.0])
+    gaussians = {"before": (np.zeros(2), cov), "after": (np.ones(2), 0.25 * cov)}
+    figure = charts.playground(t, wave, seen, (wave + 0.2, np.full(20, 0.5)), gaussians, 1.0 + t, (0.05, 7.4))
+    assert_dressed(figure, theme)
+    above, left, right = figure.axes
+    np.testing.assert_allclose(line(above, "truth").get_xydata(), np.column_stack([t / 60, wave]))
+    np.testing.assert_allclose(line(above, "GNSS").get_ydata(), seen)
+    np.testing.assert_allclose(line(above, "estimate, two sigma").get_ydata(), wave + 0.2)
+    edges = above.collections[0].get_paths()[0].vertices[:, 1]
+    assert edges.max() == pytest.approx((wave + 1.2).max()) and edges.min() == pytest.approx((wave - 0.8).min())
+    assert texts(left.get_legend()) == ["before", "after"]
+    [nis] = right.get_lines()
+    np.testing.assert_allclose(nis.get_ydata(), 1.0 + t)
+    assert right.get_yscale() == "log"
+    assert (above.get_ylabel(), right.get_xlabel()) == ("separation [cm]", "time [min]")

@@ -98,3 +98,34 @@ def comparison(names: Sequence[str], series: Mapping[str, Mapping[str, Array]], 
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, ncols=len(labels), loc="outside upper center")
     return figure
+
+
+def playground(
+    t: Array, truth: Array, seen: Array, course: tuple[Array, Array], gaussians: Mapping[str, tuple[Array, Array]],
+    nis: Array, bounds: tuple[float, float],
+) -> Figure:  # fmt: skip
+    """A filter at a glance: its estimate above; below, one epoch before and after the update, and the innovations.
+
+    t (n,) [s]; truth, seen (n,) [cm]; course : mean and sigma, (n,) each [cm]; gaussians : label -> (mean (2,),
+    covariance (2, 2)) in cm and um/s; nis (n,), with the bounds of the values of a consistent filter.
+    """
+    figure, axes = plt.subplot_mosaic([["course", "course"], ["ellipse", "nis"]], figsize=(7.2, 5.6))
+    (mean, sigma), look = course, METHODS["ekf"]
+    above, left, right = axes["course"], axes["ellipse"], axes["nis"]
+    above.fill_between(t / 60, mean - 2 * sigma, mean + 2 * sigma, color=look.colour, alpha=0.25, linewidth=0)
+    above.plot(t / 60, truth, color=METHODS["truth"].colour, label="truth")
+    above.plot(t / 60, seen, ".", color=METHODS["newton"].colour, label="GNSS")
+    above.plot(t / 60, mean, color=look.colour, linestyle="--", label="estimate, two sigma")
+    spread = np.concatenate([truth, seen[np.isfinite(seen)]])
+    pad = 0.15 * np.ptp(spread)
+    above.set(xlabel="time [min]", ylabel="separation [cm]", ylim=(spread.min() - pad, spread.max() + pad))
+    above.legend(ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+    for (label, (centre, cov)), name in zip(gaussians.items(), ("neutral", "ekf"), strict=True):
+        ellipse(left, centre, cov, METHODS[name], label)
+    left.set(xlabel="separation less\nthe predicted one [cm]", ylabel="rate less the\npredicted one [µm/s]")
+    left.autoscale_view()
+    left.legend(ncols=2, loc="lower left", bbox_to_anchor=(0, 1))
+    right.axhspan(*bounds, color=look.colour, alpha=0.2, linewidth=0)
+    right.semilogy(t / 60, nis, ".", color=look.colour)
+    right.set(xlabel="time [min]", ylabel="NIS", ylim=(min(1e-2, nis.min()), max(1e2, nis.max())))
+    return figure
