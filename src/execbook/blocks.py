@@ -182,6 +182,7 @@ BLOCKS: dict[str, tuple[Callable[..., str], str]] = {
     "rules": (_rules, ""),
     "settled": (_settled, ""),
     "verdict-summary": (verdicts.summary_markdown, ""),
+    "verdict-bars": (verdicts.bars, ""),
     "near-claims": (_near_claims, ""),
     "guards": (_guards, ""),
     "run-times": (_run_times, ""),

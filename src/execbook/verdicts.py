@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -131,6 +132,23 @@ def summary_markdown(root: Path, prefix: str = "") -> str:
     if not any(row[-1] for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]
     return display.markdown_table(header, rows, ["left"] + ["right"] * (len(header) - 1))
+
+
+def bars(root: Path) -> str:
+    """Draw the verdicts of each paper as a bar in HTML, its legend first; `summary_markdown` says the same in words."""
+    words = get_args(Verdict)
+    counted = {p: Counter(j.verdict for j in _judged(root, p)) for p in papers(root)}
+    legend = "".join(f'<span class="verdict verdict-{word}">{word.replace("-", " ")}</span> ' for word in words)
+    lines = [f'<p class="verdict-legend">{legend}</p>']
+    for paper, counts in counted.items():
+        parts = "".join(
+            f'<span class="verdict-{word}" style="flex-grow: {counts[word]}">{counts[word]}</span>'
+            for word in words
+            if counts[word]
+        )
+        title = html.escape(contents.title(root, f"{paper}/index").partition(":")[0])
+        lines.append(f'<p class="verdict-name">{title}</p>\n<div class="verdict-bar">{parts}</div>')
+    return '```{raw} html\n<div aria-hidden="true">\n' + "\n".join(lines) + "\n</div>\n```"
 
 
 def _judged(root: Path, paper: str) -> list[Judgement]:

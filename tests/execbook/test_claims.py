@@ -123,6 +123,8 @@ def test_tables_and_readme(toy):
     first = verdicts.row(claims.judge_paper(toy, "toy")[0])
     assert first == ["Table 1: the mean of the line", "49\u00a0m", "49.00\u00a0m", "reproduced", "accepted ±0.1 %"]
     assert verdicts.summary_markdown(toy).splitlines()[2] == "| [The toy paper](toy/index.md) | 2 | 2 | 0 | 0 | 0 | 0 |"
+    bar = '<div class="verdict-bar"><span class="verdict-reproduced" style="flex-grow: 2">2</span></div>'
+    assert bar in verdicts.bars(toy) and verdicts.bars(toy).index("legend") < verdicts.bars(toy).index("The toy paper")
     assert not verdicts.readme_agrees(toy)
     (toy / "README.md").write_text(verdicts.readme_with_block(toy))
     assert verdicts.readme_agrees(toy) and "(book/toy/index.md) | 2 | 2 |" in (toy / "README.md").read_text()
